@@ -1,5 +1,6 @@
 """What a machine did on each command: when its motor was on, and what switched it off."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -63,35 +64,39 @@ def machine_duties(
         See `turnout.machine.compute.places`.
     """
     ons = [place for place, (_, text) in enumerate(events) if text == "on"]
-    given = commands[np.isfinite(commands[:, 0])]
+    given = [row for row in commands.tolist() if math.isfinite(row[0])]
     found = []
     for (command, direction), first, last in zip(given, ons, [*ons[1:], None], strict=False):
         after = events[first:last]
         on = after[0][0]
         offs = [(t, text) for t, text in after if text.startswith("off ")]
-        unended = (events[last][0], "off reversed") if last else (np.nan, "off moving")
+        unended = (events[last][0], "off reversed") if last else (math.nan, "off moving")
         off, how = offs[0] if offs else unended
-        begin = int(np.searchsorted(time, on))
-        end = time.size if np.isnan(off) else int(np.searchsorted(time, off, side="right"))
-        inside = states[begin:end, at.ROD_POSITION]
-        moved = float(np.ptp(inside)) if inside.size else 0.0
-        stays = moved < LEAST_MOVE and how != "off limit"
-        outcome = "stalled" if stays else how.removeprefix("off ")
+        outcome = how.removeprefix("off ")
+        if outcome != "limit" and _rod_travel(time, states, on, off) < LEAST_MOVE:
+            outcome = "stalled"
         to = "closed" if direction > 0 else "open"
         rest = _rest_after(off, after, time, states)
-        found.append(Duty(name, to, float(command), on, float(off), rest, outcome))
+        found.append(Duty(name, to, command, on, off, rest, outcome))
     return found
+
+
+def _rod_travel(time: Floats, states: Floats, on: float, off: float) -> float:
+    """Return the way of the rod between two times, until the end where `off` is NaN [m]."""
+    inside = (time >= on) & ~(time > off)
+    rod = states[inside, at.ROD_POSITION]
+    return float(np.ptp(rod)) if rod.size else 0.0
 
 
 def _rest_after(
     off: float, after: Sequence[tuple[float, str]], time: Floats, states: Floats
 ) -> float:
     """Return when the gear stands after the cut-off, locked or not; NaN where it never does [s]."""
-    if np.isnan(off):
-        return np.nan
+    if math.isnan(off):
+        return math.nan
     held = [t for t, text in after if text == "locked" and t >= off]
     if held:
         return held[0]
     begin = int(np.searchsorted(time, off))
     standing = np.flatnonzero(states[begin:, at.GEAR_SPEED] == 0.0)
-    return float(time[begin + standing[0]]) if standing.size else np.nan
+    return float(time[begin + standing[0]]) if standing.size else math.nan

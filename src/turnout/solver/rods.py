@@ -133,7 +133,7 @@ def _try_rods(
     return CONVERGED, farthest
 
 
-@compiled
+@compiled_part
 def move_rods(rods: Rods, state: State, inputs: Floats, span: tuple[float, float]) -> None:
     """Predict the rod ends at the end of a step: they go on with speed and acceleration.
 
@@ -214,7 +214,7 @@ def meet_rods(rods: Rods, state: State, span: tuple[float, float]) -> int:
     return code
 
 
-@compiled
+@compiled_part
 def accept_rods(
     rods: Rods, state: State, work: Work, begin: Floats, span: tuple[float, float]
 ) -> None:
@@ -256,7 +256,7 @@ def have_arrived(rods: Rods, step: int) -> bool:
     return every > 0 and (step - rods.wait[1]) % every == 0 and all_stand(rods)
 
 
-@compiled
+@compiled_part
 def rods_may_stay(rods: Rods, inputs: tuple[Floats, Floats], span: tuple[float, float]) -> bool:
     """Return whether the machines may do again what they did in the last step, with standing rods.
 
@@ -275,7 +275,7 @@ def rods_may_stay(rods: Rods, inputs: tuple[Floats, Floats], span: tuple[float, 
     return True
 
 
-@compiled
+@compiled_part
 def repeat_rods(rods: Rods, span: tuple[float, float]) -> None:
     """Let the machines do again what they did in the last step."""
     machines, room = _machines_of(rods)

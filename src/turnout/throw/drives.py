@@ -217,17 +217,16 @@ def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
 
 
 def _found_slips(machines: MachineHistory) -> NDArray[np.bool_]:
+    slips = machines.states[:, :, at.SLIP]
     found = np.zeros((len(machines.names), machines.time.size), dtype=np.bool_)
-    for number, (machine, events) in enumerate(zip(machines.records, machines.events, strict=True)):
-        slip = machines.states[:, number, at.SLIP]
-        goes_on = np.abs(np.diff(slip, prepend=slip[:1])) > SLIP_ROUNDING
-        if not goes_on.any():
-            continue
-        ons = [time for time, text in events if text == "on"]
+    np.greater(np.abs(np.diff(slips, axis=0)), SLIP_ROUNDING, out=found[:, 1:].T)
+    for number in np.flatnonzero(found.any(axis=1)):
+        slip, travel = slips[:, number], shaft_travel(machines.records[number])
+        ons = [time for time, text in machines.events[number] if text == "on"]
         first = np.maximum(np.searchsorted(machines.time, ons, side="right") - 1, 0)
         begun = np.searchsorted(ons, machines.time, side="right") - 1
         before = np.where(begun >= 0, slip[first[begun]] if ons else 0.0, 0.0)
-        found[number] = goes_on & (np.abs(slip - before) * shaft_travel(machine) > LEAST_SLIP)
+        found[number] &= np.abs(slip - before) * travel > LEAST_SLIP
     return found
 
 

@@ -72,7 +72,8 @@ def update_clutch(constants: Floats, state: Floats, step: float) -> None:
     state[at.HEAT_COUNTED] = state[at.ENERGIES + at.CLUTCH]
     state[at.CLUTCH_TEMPERATURE] += heat / constants[at.CLUTCH_HEAT_CAPACITY]
     state[at.LEVEL] = kinetic * (1.0 if state[at.SLIPPING] != 0.0 else constants[at.STATIC_RATIO])
-    state[at.CLUTCH_TEMPERATURE] *= math.exp(-constants[at.CLUTCH_COOLING] * step)
+    if constants[at.CLUTCH_COOLING] > 0.0:
+        state[at.CLUTCH_TEMPERATURE] *= math.exp(-constants[at.CLUTCH_COOLING] * step)
 
 
 # --- contactor, cut-off, time-out, relay, hand and log

@@ -13,7 +13,7 @@ state: a step may be tried as often as it takes the mechanism to settle, and is 
 
 from typing import NamedTuple
 
-from turnout.kernels.compiled import compiled, compiled_part
+from turnout.kernels.compiled import compiled_part
 from turnout.kernels.vector import copy
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
@@ -102,7 +102,7 @@ def _others_current(machines: Machines, trial: Floats, number: int) -> tuple[flo
     return current, across
 
 
-@compiled
+@compiled_part
 def try_machines(
     machines: Machines,
     state: Floats,
@@ -191,7 +191,7 @@ def _agree(
     return True
 
 
-@compiled
+@compiled_part
 def accept_machines(
     machines: Machines, state: Floats, trial: Floats, span: tuple[float, float], room: Room
 ) -> None:
@@ -215,7 +215,7 @@ def accept_machines(
             room.plain[number] = 0.0
 
 
-@compiled
+@compiled_part
 def machines_repeat(
     machines: Machines, state: Floats, span: tuple[float, float], room: Room
 ) -> bool:

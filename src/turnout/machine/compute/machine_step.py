@@ -286,7 +286,7 @@ def take_step(
     return code
 
 
-@compiled
+@compiled_part
 def accept_step(
     constants: Floats,
     rail: Floats,
