@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+BUILT = ROOT / "src" / "turnout" / "kernels" / "built"
 PANEL = "uic60-760-1-15"
 MACHINES = ("--set", "drive.1.machine=jea73", "--set", "drive.2.machine=jea73-drive2")
 COMMANDS = (
@@ -48,10 +49,14 @@ def build() -> None:
 
 if __name__ == "__main__":
     to = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "dist").absolute()
-    with tempfile.TemporaryDirectory() as empty:
-        os.chdir(empty)
-        shutil.rmtree(ROOT / "src" / "turnout" / "kernels" / "built", ignore_errors=True)
-        build()
-        os.chdir(ROOT)
     options = ("--no-deps", "--no-build-isolation", "--wheel-dir", str(to))
-    subprocess.run([sys.executable, "-m", "pip", "wheel", "-q", *options, str(ROOT)], check=True)
+    shutil.rmtree(BUILT, ignore_errors=True)
+    try:
+        with tempfile.TemporaryDirectory() as empty:
+            os.chdir(empty)
+            build()
+            os.chdir(ROOT)
+        command = [sys.executable, "-m", "pip", "wheel", "-q", *options, str(ROOT)]
+        subprocess.run(command, check=True)
+    finally:  # a checkout compiles for its own processor
+        shutil.rmtree(BUILT, ignore_errors=True)
