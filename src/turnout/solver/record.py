@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.kernels.lanes import empty_in_lines, whole_lines
+from turnout.kernels.lanes import LANES, empty_in_lines, whole_lines
 from turnout.kernels.shared_record import address_of, clone_record, shared_record
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
@@ -22,9 +22,6 @@ LEAST_CACHED, MOST_CACHED = 4 * 2**20, 16 * 2**20
 """Records of these sizes are stored through the processor's caches, from which they are read in two
 thirds of the time; smaller and larger ones would evict what the steps need [bytes]."""
 
-LARGE_PAGE = 1 << 21
-"""Size of a large page of memory [bytes]."""
-
 
 def empty_record(
     system: System,
@@ -35,8 +32,6 @@ def empty_record(
     watched: tuple[WatchPlan, SeenWeights] | None,
 ) -> StepRecord:
     """Allocate a record in one piece of memory.
-
-    One of all instants begins at a large page, so that a run touches few pages for the first time.
 
     Parameters
     ----------
@@ -66,7 +61,7 @@ def empty_record(
         counts |= dict.fromkeys(("q", "g", "friction", "law"), whole)
         counts |= dict.fromkeys(("stored", "ledger"), balanced)
     total = sum(counts[name] * width for name, width in widths.items())
-    memory = _at_a_large_page(total) if plan is None else empty_in_lines(total)
+    memory = _from_buffer(total) if plan is None else empty_in_lines(total)
     at, arrays = 0, dict[str, NDArray[Any]]()
     for name, width in widths.items():
         size = counts[name] * width
@@ -88,11 +83,10 @@ def _empty_record() -> StepRecord:
     return shared_record(StepRecord(**nothing, residual=np.zeros(1)))
 
 
-def _at_a_large_page(count: int) -> Floats:
-    """Return an uninitialised array from `acquire_buffer` that begins at a large page."""
-    page = LARGE_PAGE // 8
-    memory = acquire_buffer(count + page)
-    return memory[-(address_of(memory) // 8) % page :]
+def _from_buffer(count: int) -> Floats:
+    """Return an uninitialised array from `acquire_buffer` that begins at a cache line."""
+    memory = acquire_buffer(count + LANES)
+    return memory[-(address_of(memory) // 8) % LANES :]
 
 
 def trim_record(
