@@ -310,7 +310,7 @@ def _swings(values: Floats, half: int) -> Floats:
     sums = np.cumsum(np.pad(values - inner[:, :1], ((0, 0), (1, 0))), axis=1)
     width = 2 * half + 1
     means = (sums[:, width:] - sums[:, :-width]) / width + inner[:, :1]
-    return np.sqrt(np.square(inner - means).mean(axis=1))
+    return np.asarray(np.sqrt(np.square(inner - means).mean(axis=1)), dtype=np.float64)
 
 
 def _medians(values: Floats) -> Floats:
