@@ -9,6 +9,7 @@ object at a sleeper, at a drive or between places.
 """
 
 import pickle
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -23,11 +24,19 @@ from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
 from turnout.detection.panel_population import population_for
 from turnout.mechanism import build
-from turnout.mechanism.build import build_mechanism, clear_mechanisms, rail_data
+from turnout.mechanism.build import build_mechanism, clear_mechanisms, rail_data, vary_rails
 from turnout.mechanism.mechanism import Mechanism
-from turnout.mechanism.varied_rails import MOST_ERROR, nominal_scale, variation_error
+from turnout.mechanism.varied_rails import (
+    MOST_ERROR,
+    MOST_SURFACE_ERROR,
+    VariedRail,
+    nominal_scale,
+    variation_error,
+)
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, library_text, load_panel
+from turnout.solver.arrange import arrange, clear_memory
+from turnout.solver.modal import ModalModel
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
 from turnout.study.sweep import row
@@ -164,6 +173,55 @@ def test_chairs_frozen_to_varied_rails_hold_them_as_those_of_rails_reduced_anew(
         [replace(scenario, overrides={**scenario.overrides, **frozen})],
         monkeypatch,
     )
+
+
+def condensed(panel: LoadedPanel, nominal: LoadedPanel, scheme: Scheme) -> list[ModalModel]:
+    """Return the modal models of the rails of a panel in shapes of a nominal one."""
+    with one_blas_thread():
+        found = arrange(build_mechanism(panel, nominal=nominal), scheme)
+    return [part.model for part in found.condensed.parts]
+
+
+@pytest.fixture(name="states")
+def _states() -> Iterator[tuple[Study, list[LoadedPanel]]]:
+    study = population("60e1-300-1-9")
+    overrides = [dict(study.scenario(number).overrides) for number in range(11)]
+    clear_mechanisms()
+    clear_memory()
+    yield study, [study.panel.with_overrides(one) for one in overrides]
+    clear_mechanisms()
+    clear_memory()
+
+
+def test_modes_and_flexibility_from_surfaces_are_those_of_the_matrices(
+    states: tuple[Study, list[LoadedPanel]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, panels = states
+    found = condensed(panels[3], study.panel, study.scheme)
+    clear_mechanisms()
+    clear_memory()
+    monkeypatch.setattr(VariedRail, "follow", lambda rail, key, make: make(rail.matrices))
+    wanted = condensed(panels[3], study.panel, study.scheme)
+    assert any(np.any(one.modes != other.modes) for one, other in zip(found, wanted, strict=True))
+    for one, other in zip(found, wanted, strict=True):
+        for name in ("eigenvalues", "stiffness", "modes", "flexibility", "residual_shapes"):
+            own, of = getattr(one, name), getattr(other, name)
+            most = MOST_SURFACE_ERROR * np.abs(of).max()
+            np.testing.assert_allclose(own, of, rtol=0, atol=most, err_msg=name)
+
+
+def test_rails_that_are_evaluated_together_are_those_alone(
+    states: tuple[Study, list[LoadedPanel]],
+) -> None:
+    study, panels = states
+    vary_rails(panels, study.panel)
+    together = [condensed(panel, study.panel, study.scheme) for panel in panels]
+    clear_mechanisms()
+    clear_memory()
+    for panel, models in zip(panels, together, strict=True):
+        for one, other in zip(condensed(panel, study.panel, study.scheme), models, strict=True):
+            np.testing.assert_array_equal(one.flexibility, other.flexibility)
+            np.testing.assert_array_equal(one.modes, other.modes)
 
 
 def test_no_member_is_reduced_and_rows_are_shared() -> None:

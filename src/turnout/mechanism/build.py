@@ -7,7 +7,9 @@ These files alone see both definition and mechanics.
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,7 +182,8 @@ class _Frame:
     """Common parts of panels that differ in the matrices of their rails too.
 
     `rails` are without factors of sections, with fastenings of `holds`. `kept` are the linear parts
-    by the variation, `varied` those in shapes of nominal rails, of the latest panels.
+    by the variation, `varied` those in shapes of nominal rails, of the latest panels, and `begun`
+    such rails of panels that come next.
     """
 
     layout: LawLayout
@@ -188,6 +191,7 @@ class _Frame:
     holds: tuple[tuple[tuple[float, ...], ...], ...]
     kept: "LRUCache[_Kept]"
     varied: "LRUCache[_Kept]"
+    begun: "LRUCache[_Varied]"
 
     def rails_of(self, variation: Variation, panel: Panel) -> list[RailData]:
         """Return the rails of a variation, whose fastenings are those of a panel."""
@@ -289,6 +293,8 @@ class _Placed:
 
 
 _frames = LRUCache[_Frame](64)
+MOST_VARIED = 32
+"""Panels of which rails are begun."""
 
 
 def _kept(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None) -> _Kept:
@@ -296,19 +302,45 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | 
     if not isinstance(panel, LoadedPanel) or not all(m.digest for m in panel.matrices.values()):
         own = _made_frame(panel, objects)
         return _made_kept(panel, own, own.rails_of(variation_of(panel), panel))
-    key = shape_of(panel, objects)
-    frame = _frames.get(key)
-    if frame is None:
-        frame = _frames.put(key, _made_frame(panel, objects))
-    variation = variation_of(panel)
+    frame, variation = _frame_of(panel, objects), variation_of(panel)
     if nominal is None:
         return _full(frame, variation, panel)
     known = (variation, nominal.hash)
     made = frame.varied.get(known)
     if made is None:
-        made = _varied(panel, frame, nominal, objects) or _full(frame, variation, panel)
+        varied = frame.begun.pop(known) or _varied(panel, frame, variation, nominal)
+        if varied is None:
+            made = _full(frame, variation, panel)
+        else:
+            made = _in_shapes_of(panel, frame, varied, nominal, objects)
         frame.varied.put(known, made)
     return made
+
+
+def _frame_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> _Frame:
+    """Return the common parts of panels of one shape."""
+    key = shape_of(panel, objects)
+    return _frames.get(key) or _frames.put(key, _made_frame(panel, objects))
+
+
+def vary_rails(panels: Sequence[LoadedPanel], nominal: LoadedPanel) -> None:
+    """Begin the rails of panels whose mechanisms come next, so that they are evaluated together.
+
+    Parameters
+    ----------
+    panels : sequence of LoadedPanel
+        At most `MOST_VARIED`.
+    nominal : LoadedPanel
+        As for `build_mechanism`.
+    """
+    for panel in panels:
+        with suppress(MechanicsError):  # which building its mechanism raises too
+            frame, variation = _frame_of(panel, ()), variation_of(panel)
+            known = (variation, nominal.hash)
+            if frame.varied.get(known) is None:
+                varied = _varied(panel, frame, variation, nominal)
+                if varied is not None:
+                    frame.begun.put(known, varied)
 
 
 def _full(frame: _Frame, variation: Variation, panel: Panel) -> _Kept:
@@ -320,11 +352,19 @@ def _full(frame: _Frame, variation: Variation, panel: Panel) -> _Kept:
     return found
 
 
+class _Varied(NamedTuple):
+    """Rails in shapes of nominal ones, which are those of `base`, and ratios of their scales."""
+
+    base: _Kept
+    rails: list[ReducedRail]
+    ratios: dict[str, tuple[float, float]]
+
+
 def _varied(
-    panel: LoadedPanel, frame: _Frame, nominal: LoadedPanel, objects: Sequence[PlacedObject]
-) -> _Kept | None:
+    panel: LoadedPanel, frame: _Frame, own: Variation, nominal: LoadedPanel
+) -> _Varied | None:
     """Return rails in shapes of nominal ones; None of such, and of those that need their own."""
-    own, of = variation_of(panel), variation_of(nominal)
+    of = variation_of(nominal)
     if own == of or not own.like(of):
         return None
     pairs = zip(own.scales, of.scales, strict=True)
@@ -355,10 +395,21 @@ def _varied(
                 return None
             rails.append(made)
             factors[data.name] = ratios
-    of_base = base.linear
-    linear = _linear_of(panel, rails, of_base.rails, of_base.rows, base.held, of_base.travel)
+    return _Varied(base, rails, factors)
+
+
+def _in_shapes_of(
+    panel: LoadedPanel,
+    frame: _Frame,
+    varied: _Varied,
+    nominal: LoadedPanel,
+    objects: Sequence[PlacedObject],
+) -> _Kept:
+    """Return layout and linear part of rails in shapes of nominal ones."""
+    base, of_base = varied.base, varied.base.linear
+    made = _linear_of(panel, varied.rails, of_base.rails, of_base.rows, base.held, of_base.travel)
     known = _nominal_mechanism(base, nominal, objects)
-    linear = replace(linear, nominal=known, ratios=factors)
+    linear = replace(made, nominal=known, ratios=varied.ratios)
     return _Kept(frame, base.rails, base.held, linear, base=base)
 
 
@@ -446,8 +497,10 @@ def _made_frame(
 ) -> _Frame:
     layout = lay_out(panel, objects) if layout is None else layout
     rails = tuple(_rail_data(panel, layout.rows, objects))
-    # about ten megabytes each
-    return _Frame(layout, rails, variation_of(panel).holds, LRUCache[_Kept](12), LRUCache[_Kept](4))
+    # about ten megabytes each; varied ones hold little
+    kept, varied = LRUCache[_Kept](12), LRUCache[_Kept](4)
+    begun = LRUCache[_Varied](MOST_VARIED)
+    return _Frame(layout, rails, variation_of(panel).holds, kept, varied, begun)
 
 
 def _made_kept(panel: Panel, frame: _Frame, data: Sequence[RailData]) -> _Kept:

@@ -349,10 +349,7 @@ class RailData:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedRail:
-    """Matrices of one rail in reduced coordinates, and its points as rows.
-
-    `nominal` is the rail whose shapes it was reduced to, of a rail that differs in its sections.
-    """
+    """Matrices of one rail in reduced coordinates, and its points as rows."""
 
     body: RailBody
     stiffness: Floats
@@ -360,7 +357,6 @@ class ReducedRail:
     damping: Floats
     load: Floats
     rows: Floats
-    nominal: "ReducedRail | None" = None
 
 
 def rayleigh_factors(ratio: float, frequencies: list[float]) -> tuple[float, float]:

@@ -21,7 +21,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from turnout.core.errors import MechanicsError
 from turnout.core.lru_cache import LRUCache
-from turnout.mechanism.mechanism import RailShape, ReducedRail
+from turnout.mechanism.mechanism import Matrices, RailShape, ReducedRail
+from turnout.mechanism.varied_rails import VariedRail
 from turnout.panel.model import Panel
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.profile import contact_height, cubic_spline, evaluate_profile, stock_rail_gap
@@ -136,11 +137,24 @@ def _moved(
         return np.zeros(rail.body.count), np.zeros(rail.body.recovery.shape[0])
     matrix = np.array([row for row, _ in held])
     wanted = np.array([way for _, way in held])
-    # What is held may be all that holds the rail, so it stiffens it; that changes no shape.
+
+    def yielded(matrices: ReducedRail | Matrices) -> Floats:
+        # What is held may be all that holds the rail, so it stiffens it; that changes no shape.
+        return cho_solve(cho_factor(matrices.stiffness + rows.holding(matrix)), matrix.T)
+
+    def unit_ways(matrices: Matrices) -> tuple[Floats, ...]:
+        shapes = yielded(matrices)
+        return (np.asarray(np.linalg.solve(matrix @ shapes, shapes.T).T, dtype=np.float64),)
+
     try:
-        factor = cho_factor(rail.stiffness + rows.holding(matrix))
-        yielded = cho_solve(factor, matrix.T)
-        moved: Floats = yielded @ np.linalg.solve(matrix @ yielded, wanted)
+        found = None
+        if isinstance(rail, VariedRail):
+            found = rail.follow(("ways", matrix.tobytes()), unit_ways)
+        if found is None:
+            shapes = yielded(rail)
+            moved: Floats = shapes @ np.linalg.solve(matrix @ shapes, wanted)
+        else:
+            moved = found[0] @ wanted
     except np.linalg.LinAlgError:
         moved = np.full(rail.body.count, np.nan)
     way: Floats = rail.body.recovery @ moved

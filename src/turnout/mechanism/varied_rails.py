@@ -9,7 +9,9 @@ nominal rail and p_j the projected rows of its fastenings. An element with all o
 by c has c times the stiffness, mass and weight, since its shear flexibility relative to bending
 stays; the lateral scale enters them through its root. Beams are projected at a few roots of s,
 and interpolated by the polynomial through these (Chebyshev points, error below 1e-7): nothing is
-assembled for a rail, and its rows are those of the nominal one.
+assembled for a rail, and its rows are those of the nominal one. What else follows from the matrices
+of a rail with the nominal fastenings, such as its modes, is a `Surface` over both ratios, a
+polynomial through `GRID`, so that no matrix of it is ever formed.
 
 The static shapes are those of the nominal rail, so the interface of a varied one is too stiff, by
 an error of second order in the variation. Scales, and the mean stiffness of fastenings in a
@@ -21,8 +23,9 @@ estimated by `variation_error`; a rail that exceeds `MOST_ERROR` gets shapes of 
 import itertools
 import logging
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,7 +34,7 @@ from numpy.typing import NDArray
 from turnout.beam.craig_bampton import reduce_matrix, reduce_vector
 from turnout.beam.reduction_error import static_error
 from turnout.core.lru_cache import LRUCache
-from turnout.mechanism.mechanism import RailBody, RailData, ReducedRail, Support
+from turnout.mechanism.mechanism import Matrices, RailBody, RailData, ReducedRail, Support
 from turnout.mechanism.rail_sections import scale_sections
 from turnout.mechanism.reduce import content_key, superelement_of
 from turnout.mechanism.structure import form_rows, unsupported_beams
@@ -44,6 +47,13 @@ MOST_SUPPORT = 1.15
 MOST_ERROR = 3e-3
 """Largest error of the interface compliance, relative to the root of the diagonal entries [-]."""
 _NODES = 7
+_DEGREE = 6
+"""Of the polynomials of a surface: over the whole range their error is below 1e-5."""
+MOST_SURFACE_ERROR = 2e-5
+"""Largest error of an array of a surface in a corner of its range, by its largest entry [-]."""
+TOGETHER = 8
+"""Rails of which a surface is evaluated at once, fewer with zeros beside them: so many take little
+longer than one, and what one gets does not depend on the others."""
 _log = logging.getLogger("turnout")
 
 
@@ -84,6 +94,10 @@ class RailFamily:
         Factors of mass [1/s] and of the stiffness of the beams [s] in the damping.
     error : float
         Estimate of `variation_error` at the corners of the range.
+    surfaces : LRUCache
+        What follows from the matrices of its rails, by what it is; None where it is not smooth.
+    latest : list of Cohort
+        The latest one.
     """
 
     nominal: ReducedRail
@@ -96,6 +110,185 @@ class RailFamily:
     damping: Floats
     rayleigh: tuple[float, float]
     error: float
+    surfaces: "LRUCache[tuple[Surface | None]]" = field(default_factory=lambda: LRUCache(16))
+    latest: "list[Cohort]" = field(default_factory=list)
+
+    def matrices(self, scale: float, root: float, added: "Floats | None" = None) -> "Matrices":
+        """Return the matrices of a rail.
+
+        Parameters
+        ----------
+        scale, root : float
+            c and the root of s, ratios of its scales to the nominal ones.
+        added : ndarray, shape (2, n_supports), optional
+            Stiffness and damping of its fastenings beyond the nominal ones.
+        """
+        weights = scale * _lagrange(self.roots, root)
+        beam, mass = np.tensordot(weights, self.beams, axes=1)
+        of_mass, of_stiffness = self.rayleigh
+        stiffness = beam + self.springs
+        damping = of_mass * mass + of_stiffness * beam + self.damping
+        if added is not None:
+            stiffness += (self.rows.T * added[0]) @ self.rows
+            damping += (self.rows.T * added[1]) @ self.rows
+        found = Matrices(stiffness, mass, damping, weights @ self.weight)
+        for array in (stiffness, mass, damping, found.load):
+            array.flags.writeable = False
+        return found
+
+    def join(self, ratios: tuple[float, float]) -> "tuple[Cohort, int]":
+        """Return a cohort that a rail with some ratios joins, and its number there."""
+        if not self.latest or not self.latest[0].takes(ratios):
+            self.latest[:] = [Cohort()]
+        cohort = self.latest[0]
+        return cohort, cohort.numbers.setdefault(ratios, len(cohort.numbers))
+
+    def surface(self, key: Hashable, make: "Make") -> "Surface | None":
+        """Return the surface of the arrays that `make` takes from matrices, None without one."""
+        kept = self.surfaces.get((key,))
+        if kept is None:
+            kept = self.surfaces.put((key,), (_made_surface(self, make),))
+        return kept[0]
+
+
+Make = Callable[[Matrices], tuple[Floats, ...]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """Arrays of a rail as polynomials of the ratios of its scales.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (n_terms, n)
+        Of `_terms`, of all arrays.
+    shapes : tuple of tuple of int
+        Of each array.
+    """
+
+    coefficients: Floats
+    shapes: tuple[tuple[int, ...], ...]
+
+    def arrays(self, values: Floats) -> tuple[Floats, ...]:
+        """Return values of all arrays, shape (n,), in their shapes."""
+        found, first = list[Floats](), 0
+        for shape in self.shapes:
+            found.append(values[first : first + math.prod(shape)].reshape(shape))
+            first += math.prod(shape)
+        return tuple(found)
+
+
+class Cohort:
+    """Rails of a family that are evaluated together: all that join before the first is evaluated.
+
+    Attributes
+    ----------
+    numbers : dict
+        Number of each rail by c and s.
+    """
+
+    def __init__(self) -> None:
+        self.numbers: dict[tuple[float, float], int] = {}
+        self._found: dict[tuple[Hashable, int], Floats] = {}
+
+    def takes(self, ratios: tuple[float, float]) -> bool:
+        """Return True if a rail is one of these, or can still join them."""
+        return not self._found or ratios in self.numbers
+
+    @cached_property
+    def _terms(self) -> Floats:
+        points = np.array([(scale, math.sqrt(lateral)) for scale, lateral in self.numbers])
+        padded = -(-len(points) // TOGETHER) * TOGETHER
+        return np.pad(_terms(points), ((0, padded - len(points)), (0, 0)))
+
+    def at(self, key: Hashable, surface: Surface, number: int) -> tuple[Floats, ...]:
+        """Return the arrays of a surface, which has a key, for one of the rails."""
+        group, own = divmod(number, TOGETHER)
+        found = self._found.get((key, group))
+        if found is None:
+            terms = self._terms[group * TOGETHER : (group + 1) * TOGETHER]
+            found = self._found[key, group] = terms @ surface.coefficients
+            found.flags.writeable = False
+        return surface.arrays(found[own])
+
+
+class VariedRail(ReducedRail):
+    """A rail of a family.
+
+    Parameters
+    ----------
+    family : RailFamily
+        Of the nominal rail.
+    body : RailBody
+        The nominal rail in its place in the mechanism.
+    ratios : tuple of float
+        c and s of its scales to those of the nominal rail.
+    added : ndarray, shape (2, n_supports), optional
+        Stiffness and damping of its fastenings beyond the nominal ones.
+    """
+
+    family: RailFamily
+    _ratios: tuple[float, float]
+    _added: Floats | None
+    _member: tuple[Cohort, int]
+
+    def __init__(
+        self,
+        family: RailFamily,
+        body: RailBody,
+        *,
+        ratios: tuple[float, float],
+        added: Floats | None,
+    ) -> None:
+        own = {"body": body, "rows": family.nominal.rows, "family": family}
+        own |= {"_ratios": ratios, "_added": added, "_member": family.join(ratios)}
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
+
+    def follow(self, key: Hashable, make: Make) -> tuple[Floats, ...] | None:
+        """Return arrays that follow from the matrices of the rail, from a surface.
+
+        None where its fastenings are not the nominal ones, or there is no surface.
+
+        Parameters
+        ----------
+        key : hashable
+            What they are.
+        make : callable
+            Takes matrices and returns arrays; there is a surface where these have the same shapes
+            for all rails of the family, and vary smoothly.
+        """
+        surface = None if self._added is not None else self.family.surface(key, make)
+        if surface is None:
+            return None
+        cohort, number = self._member
+        return cohort.at(key, surface, number)
+
+    @cached_property
+    def matrices(self) -> Matrices:
+        """Matrices of the rail."""
+        scale, lateral = self._ratios
+        return self.family.matrices(scale, math.sqrt(lateral), self._added)
+
+    @property
+    def stiffness(self) -> Floats:
+        """Stiffness."""
+        return self.matrices.stiffness
+
+    @property
+    def mass(self) -> Floats:
+        """Mass."""
+        return self.matrices.mass
+
+    @property
+    def damping(self) -> Floats:
+        """Damping."""
+        return self.matrices.damping
+
+    @property
+    def load(self) -> Floats:
+        """Weight [N]."""
+        return self.matrices.load
 
 
 _families = LRUCache[RailFamily](24)
@@ -129,7 +322,7 @@ def varied_rail(
     *,
     ratios: tuple[float, float],
     supports: tuple[Support, ...],
-) -> ReducedRail | None:
+) -> VariedRail | None:
     """Return a rail of a family; None if it needs shapes of its own.
 
     Parameters
@@ -146,27 +339,7 @@ def varied_rail(
     added = _added_supports(family.supports, supports)
     if added is None or family.error > MOST_ERROR:
         return None
-    scale, lateral = ratios
-    weights = scale * _lagrange(family.roots, math.sqrt(lateral))
-    beam, mass = np.tensordot(weights, family.beams, axes=1)
-    of_mass, of_stiffness = family.rayleigh
-    stiffness = beam + family.springs
-    damping = of_mass * mass + of_stiffness * beam + family.damping
-    if added.any():
-        stiffness += (family.rows.T * added[0]) @ family.rows
-        damping += (family.rows.T * added[1]) @ family.rows
-    nominal, load = family.nominal, weights @ family.weight
-    for array in (stiffness, mass, damping, load):
-        array.flags.writeable = False
-    return ReducedRail(
-        body=body,
-        stiffness=stiffness,
-        mass=mass,
-        damping=damping,
-        load=load,
-        rows=nominal.rows,
-        nominal=nominal,
-    )
+    return VariedRail(family, body, ratios=ratios, added=added if added.any() else None)
 
 
 def variation_error(data: RailData, *, scales: Sequence[float] = (STEP**-0.5, STEP**0.5)) -> float:
@@ -238,10 +411,43 @@ def _scaled(data: RailData, *, lateral: float) -> RailData:
     return replace(data, sections=scale_sections(data.sections, every=1.0, lateral=lateral))
 
 
-def _nodes(low: float, high: float) -> Floats:
+def _nodes(low: float, high: float, count: int = _NODES) -> Floats:
     """Return the Chebyshev points of a range."""
-    angle = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+    angle = np.pi * (np.arange(count) + 0.5) / count
     return 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angle)
+
+
+_RANGES = np.array([(STEP**-0.5, STEP**0.5), (STEP**-0.25, STEP**0.25)])
+"""Of c, and of the root of s."""
+GRID = np.array(
+    [*itertools.product(*(_nodes(low, high, _DEGREE + 1) for low, high in _RANGES.tolist()))]
+)
+"""Ratios c and roots of s through which surfaces go."""
+_PAIRS = np.array([pair for pair in np.ndindex(_DEGREE + 1, _DEGREE + 1) if sum(pair) <= _DEGREE])
+
+
+def _terms(points: Floats) -> Floats:
+    """Return products of Chebyshev polynomials of c and of the root of s, shape (n, n_terms)."""
+    low, high = _RANGES.T
+    angles = np.arccos(np.clip((2.0 * points - low - high) / (high - low), -1.0, 1.0))
+    found: Floats = np.cos(angles[:, np.newaxis] * _PAIRS).prod(axis=2)
+    return found
+
+
+def _made_surface(family: RailFamily, make: Make) -> Surface | None:
+    """Return the surface of some arrays, if they are smooth and there everywhere."""
+    made = [make(family.matrices(*point)) for point in (*GRID.tolist(), *_RANGES.T.tolist())]
+    shapes, *others = (tuple([array.shape for array in arrays]) for arrays in made)
+    if any(other != shapes for other in others):
+        return None
+    *through, low, high = [np.concatenate([part.ravel() for part in arrays]) for arrays in made]
+    fitted, *_ = np.linalg.lstsq(_terms(GRID), np.array(through), rcond=None)
+    surface = Surface(fitted, shapes)
+    for own, wanted in zip(_terms(_RANGES.T) @ fitted, (low, high), strict=True):
+        pairs = zip(surface.arrays(own), surface.arrays(wanted), strict=True)
+        if any(abs(a - b).max() > MOST_SURFACE_ERROR * abs(b).max() for a, b in pairs):
+            return None
+    return surface
 
 
 def _lagrange(nodes: Floats, at: float) -> Floats:

@@ -250,11 +250,14 @@ def _laid_out(
 
 def _condense_rails(mechanism: Mechanism, scheme: Scheme) -> _Rails:
     """Condense rails each on its own, or together where one is held by another only."""
-    laws = drop_joining_bases(mechanism, mechanism.laws)
     cutoff_frequency, nominal = scheme.cutoff_frequency, mechanism.nominal
     known: tuple[BlockModel, ...] = ()
-    if nominal is not None:
-        known = _find_rails(nominal, scheme, _structure(nominal, scheme)).parts
+    contents = _indices_of(mechanism.laws).contents
+    if nominal is not None and _indices_of(nominal.laws).contents == contents:
+        found = _find_rails(nominal, scheme, _structure(nominal, scheme))
+        known, laws = found.parts, mechanism.laws._replace(base_segment=found.base_segment)
+    else:
+        laws = drop_joining_bases(mechanism, mechanism.laws)
     try:
         parts = condense_blocks(mechanism, laws, cutoff_frequency=cutoff_frequency, nominal=known)
     except MechanicsError:

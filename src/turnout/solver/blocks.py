@@ -35,12 +35,6 @@ class Block:
     rows: Ints
 
 
-def same_block(one: Block, other: Block) -> bool:
-    """Return True if two blocks have the same coordinates and rows."""
-    pairs = ((one.coordinates, other.coordinates), (one.rows, other.rows))
-    return all(np.array_equal(*pair) for pair in pairs)
-
-
 def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
     """Split a mechanism into blocks.
 

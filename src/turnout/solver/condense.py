@@ -15,19 +15,21 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from turnout.core.content_cache import digest
 from turnout.core.lru_cache import LRUCache
 from turnout.law.table import LawTable
-from turnout.mechanism.mechanism import Mechanism, ReducedRail
-from turnout.solver.blocks import Block, same_block, split_blocks
+from turnout.mechanism.mechanism import Matrices, Mechanism, ReducedRail
+from turnout.mechanism.varied_rails import VariedRail
+from turnout.solver.blocks import Block, split_blocks
 from turnout.solver.followers import Leading, leading_rows
 from turnout.solver.modal import (
-    FURTHER_MODES,
     ModalModel,
     Omitted,
     diagonalise_damping,
     modal_model,
+    model_of,
     split_modes,
     split_modes_near,
     with_rows,
@@ -65,14 +67,28 @@ class _Given:
         """Stiffness of the laws in the coordinates of the block."""
         return (self.rows.T * self.at_rows) @ self.rows
 
+    def of_other_laws(self, at_rows: Floats) -> Floats:
+        """Return the stiffness of laws with others at the rows."""
+        other = np.flatnonzero(at_rows != self.at_rows)
+        if not other.size:
+            return self.of_laws
+        rows = self.rows[other]
+        found: Floats = self.of_laws + (rows.T * (at_rows - self.at_rows)[other]) @ rows
+        return found
+
+    @cached_property
+    def beside(self) -> str:
+        """Digest of rows and laws."""
+        return digest((self.rows, self.at_rows, self.first))
+
     def key(self, cutoff_frequency: float) -> tuple[object, ...]:
         """Return what names this: a rail is known by identity, all else by its content."""
         matrices = (self.stiffness, self.mass, self.damping, self.load)
-        beside = digest((self.rows, self.at_rows, self.first, cutoff_frequency))
+        beside = self.beside, cutoff_frequency
         if self.rail is None:
-            return digest(matrices), beside
+            return digest(matrices), *beside
         of_rail = (self.rail.stiffness, self.rail.mass, self.rail.damping, self.rail.load)
-        return tuple(map(id, of_rail)), beside
+        return tuple(map(id, of_rail)), *beside
 
 
 _models = LRUCache[tuple[ModalModel, Leading, Omitted, ReducedRail | None]](32)
@@ -104,29 +120,85 @@ def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel
 
 
 def _varied_model(
-    nominal: "BlockModel", rail: ReducedRail, at_rows: Floats, *, cutoff_frequency: float
+    nominal: "BlockModel",
+    rail: VariedRail,
+    at_rows: Floats,
+    *,
+    cutoff_frequency: float,
+    at_homes: bool,
 ) -> tuple[ModalModel, Leading, Omitted] | None:
-    """Return the model of a block from that of the nominal one; None where it is not near."""
+    """Return the model of a block from that of the nominal one; None where it is not near.
+
+    `at_homes` says that only driven laws differ from the nominal ones, which have few homes.
+    """
     given, omitted = nominal.given, nominal.omitted
     if given is None or omitted is None:
         return None
-    stiffness = rail.stiffness + given.of_laws
-    other = np.flatnonzero(at_rows != given.at_rows)
-    if other.size:
-        rows = given.rows[other]
-        stiffness += (rows.T * (at_rows - given.at_rows)[other]) @ rows
+    if at_homes:
+        model = _smooth_model(given, nominal.model, rail, at_rows, cutoff_frequency)
+        if model is not None:
+            return diagonalise_damping(model[0]), nominal.leading, model[1]
     found = split_modes_near(
-        stiffness,
+        rail.stiffness + given.of_other_laws(at_rows),
         rail.mass,
         damping=rail.damping,
         rows=given.sparse_rows,
         load=rail.load,
         cutoff_frequency=cutoff_frequency,
-        start=np.hstack((nominal.model.modes, omitted.modes[:, :FURTHER_MODES])),
+        start=np.hstack((nominal.model.modes, omitted.modes)),
     )
     if found is None:
         return None
     return diagonalise_damping(found[0]), nominal.leading, found[1]
+
+
+def _smooth_model(
+    given: _Given, nominal: ModalModel, rail: VariedRail, at_rows: Floats, cutoff_frequency: float
+) -> tuple[ModalModel, Omitted] | None:
+    """Return the model of a block from a surface of its family; None where there is none.
+
+    Modes are turned so that they are as near to the nominal ones as can be: what they span varies
+    smoothly, even where their frequencies cross.
+    """
+    count = given.load.size
+    weight, limit = float(np.linalg.norm(given.load)), (2.0 * np.pi * cutoff_frequency) ** 2
+
+    def split(matrices: Matrices) -> tuple[Floats, ...]:
+        stiffness = matrices.stiffness + given.of_other_laws(at_rows)
+        eigenvalues, shapes = eigh(stiffness, matrices.mass)
+        kept = int(np.searchsorted(eigenvalues, limit, side="right"))
+        if kept != nominal.load.size:
+            return (eigenvalues[:kept],)
+        low, high = shapes[:, :kept], shapes[:, kept:]
+        left, _, right = np.linalg.svd(low.T @ given.mass @ nominal.modes)
+        turn, load = left @ right, matrices.load / weight
+        stiffness, low = (turn.T * eigenvalues[:kept]) @ turn, low @ turn
+        flexible = (high / eigenvalues[kept:]) @ high.T
+        of_load = flexible @ load
+        return (
+            stiffness,
+            low.T @ matrices.damping @ low,
+            np.vstack((low, low.T @ load)),
+            np.column_stack((flexible, of_load)),
+        )
+
+    key = ("modes", given.beside, at_rows.tobytes(), cutoff_frequency)
+    found = rail.follow(key, split) if weight > 0.0 else None
+    if found is None:
+        return None
+    stiffness, damping, low, flexible = found
+    flexibility = flexible[:, :count]
+    model = model_of(
+        low[:count],
+        flexibility,
+        eigenvalues=eigh(stiffness, eigvals_only=True),
+        stiffness=stiffness,
+        damping=damping,
+        load=weight * low[count],
+        residual_load=weight * flexible[:, count],
+        rows=given.sparse_rows,
+    )
+    return model, Omitted(flexibility, low[:count, :0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +237,7 @@ class BlockModel:
         added = count + np.arange(numbers.size)
         return BlockModel(
             block=Block(block.coordinates, np.concatenate((block.rows, numbers))),
-            model=with_rows(self.model, self.omitted, rows),
+            model=with_rows(self.model, self.omitted.flexibility, rows),
             leading=Leading(np.concatenate((self.leading.leaders, added)), weights),
             before=self,
         )
@@ -212,7 +284,7 @@ def condense_blocks(
 ) -> tuple[BlockModel, ...]:
     """Return the modal model of each block, the base segments of its laws included.
 
-    `nominal` are the same blocks of `mechanism.nominal`.
+    `nominal` are the blocks of `mechanism.nominal`, if its laws act on the same rows.
 
     Raises
     ------
@@ -222,17 +294,25 @@ def condense_blocks(
     at_rows = sum_at_rows(laws, folded_stiffness(laws), mechanism.rows.shape[0])
     rubs = np.zeros(at_rows.size, dtype=bool)
     rubs[laws.friction_row] = rubs[laws.row[laws.friction_normal]] = True
-    blocks = split_blocks(mechanism, laws)
-    varied = {rail.body.first: rail for rail in mechanism.reduced if rail.nominal is not None}
+    driven = np.zeros(at_rows.size, dtype=bool)
+    driven[laws.row[laws.input_index >= 0]] = True
+    varied = {r.body.first: r for r in mechanism.reduced if isinstance(r, VariedRail)}
+    known = {part.block: part for part in nominal}
     found = []
-    for number, block in enumerate(blocks):
-        own, made = at_rows[block.rows], None
-        part = nominal[number] if len(nominal) == len(blocks) else None
-        if part is not None and part.given is not None and same_block(block, part.block):
+    for block in known or split_blocks(mechanism, laws):
+        own, made, part = at_rows[block.rows], None, known.get(block)
+        if part is not None and part.given is not None:
             rail = varied.get(int(block.coordinates[0]))
+            other = own != part.given.at_rows
             if part.given.rail is not None and rail is not None:
-                made = _varied_model(part, rail, own, cutoff_frequency=cutoff_frequency)
-            elif part.given.rail in mechanism.reduced and np.array_equal(own, part.given.at_rows):
+                made = _varied_model(
+                    part,
+                    rail,
+                    own,
+                    cutoff_frequency=cutoff_frequency,
+                    at_homes=not (other & ~driven[block.rows]).any(),
+                )
+            elif part.given.rail in mechanism.reduced and not other.any():
                 found.append(part)
                 continue
         given = None

@@ -78,21 +78,18 @@ class ModalModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Omitted:
-    """Modes above the cut-off, or columns with their flexibility, for that of further rows.
+    """Flexibility of the modes above the cut-off, and the lowest of them.
 
     Attributes
     ----------
-    eigenvalues : ndarray, shape (n_omitted,)
-        Squared angular frequencies [1/s2].
-    modes : ndarray, shape (n_dof, n_omitted)
-        Mass-normalised shapes [1/sqrt(kg)].
-    row_modes : ndarray, shape (n_rows, n_omitted)
-        Displacements of the rows in these shapes.
+    flexibility : ndarray, shape (n_dof, n_dof)
+        Static displacements for unit forces, symmetric [m/N].
+    modes : ndarray, shape (n_dof, n)
+        Mass-normalised shapes, at most `FURTHER_MODES` [1/sqrt(kg)].
     """
 
-    eigenvalues: Floats
+    flexibility: Floats
     modes: Floats
-    row_modes: Floats
 
 
 def modal_model(
@@ -137,7 +134,7 @@ def split_modes(
     ModalModel
         With the modes up to the cut-off.
     Omitted
-        All others.
+        Of all others.
 
     Raises
     ------
@@ -154,13 +151,21 @@ def split_modes(
     shapes = _fix_signs(shapes)
     limit = (2.0 * np.pi * cutoff_frequency) ** 2
     kept = max(int(np.searchsorted(eigenvalues, limit, side="right")), 1)
-    return _with_flexibility(
-        (eigenvalues[:kept].copy(), shapes[:, :kept]),
-        (eigenvalues[kept:], shapes[:, kept:]),
-        damping=damping,
+    low, high = shapes[:, :kept], shapes[:, kept:]
+    scaled = high / eigenvalues[kept:]
+    yielding = scaled @ high.T
+    omitted = Omitted(0.5 * (yielding + yielding.T), high[:, :FURTHER_MODES].copy())
+    model = model_of(
+        low,
+        omitted.flexibility,
+        eigenvalues=eigenvalues[:kept].copy(),
+        stiffness=np.diag(eigenvalues[:kept]),
+        damping=low.T @ damping @ low,
+        load=low.T @ load,
+        residual_load=scaled @ (high.T @ load),
         rows=rows,
-        load=load,
     )
+    return model, omitted
 
 
 FURTHER_MODES = 8
@@ -189,8 +194,7 @@ def split_modes_near(
     .. math:: K^{-1} - \Phi \Lambda^{-1} \Phi^T = V V^T, \qquad
               V = U^{-1} - \Phi \Lambda^{-1} (U \Phi)^T,
 
-    so that no other mode is needed, at an eighth of the time. `Omitted` then has the columns of V
-    in place of modes, with eigenvalues of 1.
+    so that no other mode is needed, at an eighth of the time.
 
     Parameters
     ----------
@@ -213,8 +217,18 @@ def split_modes_near(
     eigenvalues, low = found
     inverse, _ = dtrtri(upper)
     high = inverse - (low / eigenvalues) @ (upper @ low).T
-    others = np.ones(high.shape[1]), high
-    return _with_flexibility((eigenvalues, low), others, damping=damping, rows=rows, load=load)
+    flexibility = high @ high.T
+    model = model_of(
+        low,
+        flexibility,
+        eigenvalues=eigenvalues,
+        stiffness=np.diag(eigenvalues),
+        damping=low.T @ damping @ low,
+        load=low.T @ load,
+        residual_load=flexibility @ load,
+        rows=rows,
+    )
+    return model, Omitted(flexibility, low[:, :0])
 
 
 def _iterate_subspace(
@@ -242,47 +256,57 @@ def _iterate_subspace(
     return None
 
 
-def _with_flexibility(
-    kept: tuple[Floats, Floats],
-    omitted: tuple[Floats, Floats],
+def model_of(
+    low: Floats,
+    flexibility: Floats,
     *,
+    eigenvalues: Floats,
+    stiffness: Floats,
     damping: Floats,
-    rows: Rows,
     load: Floats,
-) -> tuple[ModalModel, Omitted]:
-    """Return the models of eigenvalues and shapes that are kept and of those that are not."""
-    (eigenvalues, low), (others, high) = kept, omitted
+    residual_load: Floats,
+    rows: Rows,
+) -> ModalModel:
+    """Return the model of a system with some rows.
+
+    Parameters
+    ----------
+    low : ndarray, shape (n_dof, n_modes)
+        Shapes of the kept modes [1/sqrt(kg)].
+    flexibility : ndarray, shape (n_dof, n_dof)
+        That of all others [m/N].
+    eigenvalues, stiffness, damping, load, residual_load
+        As of `ModalModel`.
+    rows : ndarray or csr_array, shape (n_rows, n_dof)
+        Rows along which forces act and displacements are read.
+    """
     of_rows = _sparse(rows)
-    scaled = high / others
-    residual_load = scaled @ (high.T @ load)
-    yielding = scaled @ high.T
-    residual_shapes = (of_rows @ (0.5 * (yielding + yielding.T))).T
-    model = ModalModel(
+    residual_shapes = (of_rows @ flexibility).T
+    return ModalModel(
         eigenvalues=eigenvalues,
-        stiffness=np.diag(eigenvalues),
-        damping=low.T @ damping @ low,
+        stiffness=stiffness,
+        damping=damping,
         modes=np.ascontiguousarray(low),
         row_modes=of_rows @ low,
         flexibility=of_rows @ residual_shapes,
         residual_shapes=np.ascontiguousarray(residual_shapes),
-        load=low.T @ load,
+        load=load,
         residual_load=residual_load,
         row_load=of_rows @ residual_load,
     )
-    return model, Omitted(others, high, of_rows @ high)
 
 
-def with_rows(model: ModalModel, omitted: Omitted, rows: Floats) -> ModalModel:
+def with_rows(model: ModalModel, flexibility: Floats, rows: Floats) -> ModalModel:
     """Return a model with further rows, which come last.
 
     Parameters
     ----------
     model : ModalModel
         In any shapes of its kept modes.
-    omitted : Omitted
-        The modes that it leaves out.
+    flexibility : ndarray, shape (n_dof, n_dof)
+        That of the modes that it leaves out, see `Omitted`.
     rows : ndarray, shape (n_added, n_dof)
-        Further rows.
+        Further rows; none of them changes a bit of another.
 
     Examples
     --------
@@ -290,21 +314,23 @@ def with_rows(model: ModalModel, omitted: Omitted, rows: Floats) -> ModalModel:
     >>> given = {"damping": 0.0 * spring, "load": np.ones(2), "cutoff_frequency": 0.2}
     >>> both = modal_model(spring, np.eye(2), rows=np.eye(2), **given)
     >>> model, omitted = split_modes(spring, np.eye(2), rows=np.eye(2)[:1], **given)
-    >>> found = with_rows(model, omitted, np.eye(2)[1:])
+    >>> found = with_rows(model, omitted.flexibility, np.eye(2)[1:])
     >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
     True
     """
-    of_rows = _sparse(rows)
-    own = of_rows @ omitted.modes
-    before, squares = omitted.row_modes, omitted.eigenvalues
-    beside = _multiply_by_rows(before / squares, own)
-    below = _multiply_by_rows(own / squares, np.concatenate((before, own)))
+    own = np.array([flexibility @ row for row in rows])
+    beside = np.array([row @ model.residual_shapes for row in rows])
+    among = np.array([[shape @ row for shape in own] for row in rows])
+    count, added = model.row_load.size, rows.shape[0]
+    whole = np.empty((count + added, count + added))
+    whole[:count, :count], whole[count:, count:] = model.flexibility, among
+    whole[count:, :count], whole[:count, count:] = beside, beside.T
     return replace(
         model,
-        row_modes=np.concatenate((model.row_modes, of_rows @ model.modes)),
-        flexibility=np.concatenate((np.hstack((model.flexibility, beside)), below)),
-        residual_shapes=np.hstack((model.residual_shapes, (omitted.modes / squares) @ own.T)),
-        row_load=np.concatenate((model.row_load, of_rows @ model.residual_load)),
+        row_modes=np.concatenate((model.row_modes, [row @ model.modes for row in rows])),
+        flexibility=whole,
+        residual_shapes=np.hstack((model.residual_shapes, own.T)),
+        row_load=np.concatenate((model.row_load, [row @ model.residual_load for row in rows])),
     )
 
 
@@ -342,7 +368,7 @@ def diagonalise_damping(model: ModalModel) -> ModalModel:
     if turn is None:
         return replace(model, damping=damping)
     turn = _fix_signs(turn)
-    stiffness = (turn.T * model.eigenvalues) @ turn
+    stiffness = turn.T @ model.stiffness @ turn
     return replace(
         model,
         stiffness=0.5 * (stiffness + stiffness.T),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from turnout.core.errors import PanelError, TurnoutError
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
+from turnout.mechanism.build import vary_rails
 from turnout.panel.foreign_object import PlacedObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code
@@ -199,7 +200,9 @@ def throw_scenarios(study: Study, scenarios: Sequence[Scenario]) -> list[Scenari
     with one_blas_thread():
         at_once = throws_at_once(study, ready)
         for first in range(0, len(ready), at_once):
-            planned = [plan_scenario(study, item) for item in ready[first : first + at_once]]
+            group = ready[first : first + at_once]
+            vary_rails([item.panel for item in group if not item.fault], study.panel)
+            planned = [plan_scenario(study, item) for item in group]
             # Each takes megabytes and is let go with its turn; what is last in a list is next.
             planned.reverse()
             thrown = [throw_scenario(study, planned.pop()) for _ in range(len(planned))]
