@@ -7,11 +7,13 @@ import itertools
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.progress import Pace
+from turnout.core.workers import Workers
 from turnout.detection.alarm_threshold import RATES, thresholds_of
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
@@ -48,6 +50,8 @@ from turnout.detection.likelihood import Evidence
 from turnout.study.defects import DEFECTS
 
 Floats = NDArray[np.float64]
+Judged = tuple[Floats, Floats, Floats, Floats]
+"""Alarm, causes, square and irregularity of sound throws."""
 
 LEAST_THRESHOLD = 1.0 - float(np.log(CAUSE_WEIGHT))
 """A cause that explains a throw nearly as well as an object does keeps it below this [-]."""
@@ -128,7 +132,7 @@ def _weighed(view: View, features: Floats) -> Iterator[Evidence]:
         yield evidence_of(view, features[first : first + AT_ONCE])
 
 
-def _said_of_sound(view: View, features: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _said_of_sound(view: View, features: Floats) -> Judged:
     """Return alarm, causes, square and irregularity of sound throws.
 
     The first is the log likelihood ratio of an object against everything else, shape (n_throws,),
@@ -194,7 +198,12 @@ class Fold:
 
 
 def calibrate_alone(
-    folds: Sequence[Fold], *, part: str = CYCLE, draws: int = 16, seed: int = 0
+    folds: Sequence[Fold],
+    *,
+    part: str = CYCLE,
+    draws: int = 16,
+    seed: int = 0,
+    workers: Workers | None = None,
 ) -> Calibrated:
     """Return what holds without a history, from single throws of many switches.
 
@@ -211,26 +220,48 @@ def calibrate_alone(
         Uses of each sound throw.
     seed : int
         Of chance.
+    workers : Workers, optional
+        Processes, which take a fold each.
     """
-    judged, tried, groups = [], [], []
-    for number, fold in enumerate(folds):
-        errors = _errors(fold.knowledge, seed + FOLD_SEED * number)
-        view = make_view(fold.knowledge, part=part)
-        judged += [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
-        groups += [fold.group] * draws
-        for _ in range(INTERVAL_DRAWS):
-            for throws in (fold.sound, fold.objects):
-                order = errors.rng.permutation(len(throws.level))[: INTERVALS // len(folds)]
-                some = throws.of(order)
-                tried.append((view, errors.tried(measured(some, errors), some)))
+    share = INTERVALS // len(folds)
+    jobs = [
+        partial(_judge_alone, fold, part=part, draws=draws, share=share, seed=seed + FOLD_SEED * n)
+        for n, fold in enumerate(folds)
+    ]
+    found = dict((workers or Workers(0)).run(jobs))
+    made = [found[number] for number in range(len(folds))]
+    judged = [item for own, _ in made for item in own]
     switches = sum(len(np.unique(fold.sound.switch)) for fold in folds)
     return _calibrated(
         folds[0].knowledge,
         Calibrated(part=part, history=0, thresholds={}, throws=0, switches=switches),
         judged=[np.concatenate(item) for item in zip(*judged, strict=True)],
-        group=np.concatenate(groups),
-        tried=tried,
+        group=np.concatenate([fold.group for fold in folds for _ in range(draws)]),
+        tried=_without_history(folds, [held for _, held in made], part),
     )
+
+
+def _judge_alone(
+    fold: Fold, *, part: str, draws: int, share: int, seed: int
+) -> tuple[list[Judged], list[Tried]]:
+    """Judge the sound throws of a fold, and draw throws for widths of intervals."""
+    errors, tried = _errors(fold.knowledge, seed), list[Tried]()
+    view = make_view(fold.knowledge, part=part)
+    judged = [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
+    for _ in range(INTERVAL_DRAWS):
+        for throws in (fold.sound, fold.objects):
+            some = throws.of(errors.rng.permutation(len(throws.level))[:share])
+            tried.append(errors.tried(measured(some, errors), some))
+    return judged, tried
+
+
+def _without_history(
+    folds: Sequence[Fold], tried: Sequence[list[Tried]], part: str
+) -> Iterator[tuple[View, Tried]]:
+    """Yield throws of each fold with the view that they are judged by."""
+    for fold, held in zip(folds, tried, strict=True):
+        view = make_view(fold.knowledge, part=part)
+        yield from ((view, item) for item in held)
 
 
 FOLD_SEED = 1000
@@ -256,6 +287,7 @@ def calibrate_history(
     draws: int = 4,
     again: int = 24,
     seed: int = 0,
+    workers: Workers | None = None,
     pace: Pace | None = None,
 ) -> list[Calibrated]:
     """Return what holds after a history, from repeated throws of some switches.
@@ -279,6 +311,8 @@ def calibrate_history(
         Uses of each throw after a history.
     seed : int
         Of chance.
+    workers : Workers, optional
+        Processes, which take a fold each.
     pace : Pace, optional
         Counts the histories.
 
@@ -287,60 +321,102 @@ def calibrate_history(
     list of Calibrated
         For each part; none where no switch has more throws than the history.
     """
-    errors = [_errors(fold.knowledge, seed + 1 + FOLD_SEED * i) for i, fold in enumerate(folds)]
-    populations = [make_view(fold.knowledge) for fold in folds]
-    numbers = np.unique(throws.switch)
-    judged: dict[str, list[tuple[Floats, ...]]] = {part: [] for part in alone}
-    tried: list[tuple[Knowledge, Expectation, list[Tried]]] = []
-    switches: list[NDArray[np.intp]] = []
-    pace = pace or Pace()
+    numbers, pace, workers = np.unique(throws.switch), pace or Pace(), workers or Workers(0)
     pace.begin(kind := thresholds_after(history), len(numbers) * draws)
-    began = time.perf_counter()
-    for switch, draw in itertools.product(numbers, range(draws)):
-        turn = int(switch) % len(folds)
-        knowledge, drawn = folds[turn].knowledge, errors[turn]
-        own = throws.of(throws.switch == switch)
-        if len(own.level) <= history:
-            pace.count(kind, cost=0.0)
-            continue
-        known, later = known_and_later(own, history=history, draw=draw, rng=drawn.rng)
-        fixed = drawn.of_switches(1)
-        learned = known.features + fixed + drawn.of_throws(known.rates)
-        expected = learn_history(knowledge, learned, view=populations[turn])
-        features = [later.features + fixed + drawn.of_throws(later.rates) for _ in range(again)]
-        switches += [later.switch] * again
-        # the same for every part, so that none depends on which parts there are
-        held = [drawn.tried(rows, later) for rows in features[:INTERVAL_DRAWS]]
-        held += _with_objects(objects, switch, fixed, drawn)
-        tried.append((knowledge, expected, held))
-        for part in alone:
-            view = make_view(knowledge, part=part, known=expected)
-            judged[part] += [_said_of_sound(view, rows) for rows in features]
-        pace.count(kind, cost=time.perf_counter() - began)
-        began = time.perf_counter()
+    jobs, turns = list[partial[tuple[list[_Judging], float]]](), list[int]()
+    for turn, fold in enumerate(folds):
+        own = throws.of(throws.switch % len(folds) == turn)
+        errors = _errors(fold.knowledge, seed + 1 + FOLD_SEED * turn)
+        counts = {"history": history, "draws": draws, "again": again}
+        jobs.append(partial(_judge_histories, fold, own, objects, errors, tuple(alone), **counts))
+        turns.append(len(np.unique(own.switch)) * draws)
+    judgings = list[_Judging]()
+    for turn, (made, cost) in workers.run(jobs):
+        judgings += made
+        pace.count(kind, turns[turn], cost=cost)
+    judgings.sort(key=lambda item: (item.switch, item.draw))
     return [
         _calibrated(
             folds[0].knowledge,
             replace(other, history=history, switches=len(numbers)),
-            judged=[np.concatenate(item) for item in zip(*judged[part], strict=True)],
-            group=np.concatenate(switches),
-            tried=_after_histories(tried, part),
+            judged=[
+                np.concatenate(item)
+                for item in zip(*(j for own in judgings for j in own.judged[part]), strict=True)
+            ],
+            group=np.concatenate([own.switches for own in judgings]),
+            tried=_after_histories(folds, judgings, part),
         )
         for part, other in alone.items()
-        if judged[part]
+        if judgings
     ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Judging:
+    """A switch after a history: what was expected, and what was said of its later throws."""
+
+    switch: int
+    draw: int
+    expected: Expectation
+    held: list[Tried]
+    judged: dict[str, list[Judged]]
+    switches: NDArray[np.intp]
+
+
+def _judge_histories(
+    fold: Fold,
+    throws: ThrowSet,
+    objects: ThrowSet | None,
+    drawn: Errors,
+    parts: Sequence[str],
+    *,
+    history: int,
+    draws: int,
+    again: int,
+) -> tuple[list[_Judging], float]:
+    """Judge the switches that a fold takes after histories; return the time of that too [s]."""
+    knowledge, found, began = fold.knowledge, list[_Judging](), time.perf_counter()
+    population = make_view(knowledge)
+    for switch, draw in itertools.product(np.unique(throws.switch).tolist(), range(draws)):
+        own = throws.of(throws.switch == switch)
+        if len(own.level) <= history:
+            continue
+        known, later = known_and_later(own, history=history, draw=draw, rng=drawn.rng)
+        fixed = drawn.of_switches(1)
+        learned = known.features + fixed + drawn.of_throws(known.rates)
+        expected = learn_history(knowledge, learned, view=population)
+        features = [later.features + fixed + drawn.of_throws(later.rates) for _ in range(again)]
+        # the same for every part, so that none depends on which parts there are
+        held = [drawn.tried(rows, later) for rows in features[:INTERVAL_DRAWS]]
+        held += _with_objects(objects, switch, fixed, drawn)
+        judged = dict[str, list[Judged]]()
+        for part in parts:
+            view = make_view(knowledge, part=part, known=expected)
+            judged[part] = [_said_of_sound(view, rows) for rows in features]
+        found.append(
+            _Judging(
+                switch=switch,
+                draw=draw,
+                expected=expected,
+                held=held,
+                judged=judged,
+                switches=np.concatenate([later.switch] * again),
+            )
+        )
+    return found, time.perf_counter() - began
+
+
 def _after_histories(
-    tried: Sequence[tuple[Knowledge, Expectation, list[Tried]]], part: str
+    folds: Sequence[Fold], judgings: Sequence[_Judging], part: str
 ) -> Iterator[tuple[View, Tried]]:
     """Yield throws after each history with what they are judged by, made when it is needed.
 
     The views of all histories together would take some 10 GB.
     """
-    for knowledge, expected, held in tried:
-        view = make_view(knowledge, part=part, known=expected)
-        yield from ((view, item) for item in held)
+    for own in judgings:
+        knowledge = folds[own.switch % len(folds)].knowledge
+        view = make_view(knowledge, part=part, known=own.expected)
+        yield from ((view, item) for item in own.held)
 
 
 def _with_objects(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from turnout.detection.detector.calibrating import (
     Fold,
     calibrate_alone,
     calibrate_history,
+    thresholds_after,
     with_calibration,
 )
 from turnout.detection.detector.judging import CYCLE
@@ -25,7 +27,7 @@ from turnout.detection.detector.knowledge import Calibrated, Knowledge, Setting
 from turnout.detection.detector.throw_layout import CLOSING
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.detector.training import competes, read_set, setting_of, teach
-from turnout.detection.detector.training_plan import BLOCK, HISTORY, OBJECT, SOUND
+from turnout.detection.detector.training_plan import BLOCK, HISTORY, OBJECT, SOUND, Plan
 from turnout.detection.detector.training_sets import (
     Counts,
     after_history,
@@ -38,6 +40,7 @@ from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import checked_throws, nominal_amplitude, of_kind
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
+from turnout.study.sweep.run import running
 
 FOLDS = 8
 """Parts of the switches; thresholds of each come from a detector that learned from the others. Of
@@ -47,6 +50,8 @@ RUNS = 16
 """Of states in a row that the switches of a fold come in, at least."""
 LEAST_LEFT = 30
 """Throws of a cause that a fold leaves to learn from; else it leaves all of them."""
+HISTORY_DRAWS = 2
+"""Histories that are drawn for each switch."""
 HISTORIES = (5, 20)
 """Sound throws known of a switch that thresholds are taken for, beside none."""
 
@@ -114,19 +119,43 @@ def train_detector(
         for name, plan in training_plans(population, chosen).items()
         if competes(name, setting)
     }
-    datasets = throw_plans(plans, folder, workers=workers, pace=pace)
+    with running(workers) as processes:
+        return _trained(
+            population, plans, setting, folder, processes=processes, pace=pace or Pace()
+        )
+
+
+def _trained(
+    population: Study,
+    plans: Mapping[str, Plan],
+    setting: Setting,
+    folder: Path,
+    *,
+    processes: Workers,
+    pace: Pace,
+) -> Knowledge:
+    """Throw plans, and learn from them."""
+    if HISTORY in plans:
+        count = len(np.unique(plans[HISTORY].switch)) * HISTORY_DRAWS
+        for history in HISTORIES:
+            pace.plan(thresholds_after(history), count)
+    datasets = throw_plans(plans, folder, workers=processes, pace=pace)
     for name, made in datasets.items():
         about_it = {"panel": population.panel.name, "of": f'set "{name}"', "source": "detect train"}
         checked_throws(made, **about_it)
-    sets = {name: read_set(plans[name], datasets[name], setting.layout, quantity) for name in plans}
+    sets = {
+        name: read_set(plan, datasets[name], setting.layout, setting.quantity)
+        for name, plan in plans.items()
+    }
     about = {
         "panel": population.panel.name,
         "panel_hash": population.panel.hash,
         "study": population.name,
-        "quantity": quantity,
+        "quantity": setting.quantity,
         "throws": {name: len(item.level) for name, item in sets.items()},
     }
-    return replace(knowledge_of_sets(sets, setting, pace=pace), about=about)
+    found = knowledge_of_sets(sets, setting, workers=processes, pace=pace)
+    return replace(found, about=about)
 
 
 def knowledge_of_sets(
@@ -134,8 +163,9 @@ def knowledge_of_sets(
     setting: Setting,
     *,
     draws: int = 16,
-    history_draws: int = 2,
+    history_draws: int = HISTORY_DRAWS,
     histories: tuple[int, ...] = HISTORIES,
+    workers: Workers | None = None,
     pace: Pace | None = None,
 ) -> Knowledge:
     """Learn from all throws; take thresholds from a detector that did not see some of them.
@@ -152,6 +182,8 @@ def knowledge_of_sets(
         Histories that are drawn for each switch.
     histories : tuple of int
         Sound throws known, that thresholds are taken for beside none.
+    workers : Workers, optional
+        Processes, which take a part of the switches each.
     pace : Pace, optional
         Counts the histories that thresholds are taken from.
     """
@@ -159,17 +191,24 @@ def knowledge_of_sets(
         # thresholds do not depend on the kind of an object
         weighed = {name: item for name, item in sets.items() if name not in sets_of_kinds()}
         calibrated = _calibrations(
-            folds_of(weighed, setting),
+            folds_of(weighed, setting, workers=workers),
             {name: item for name, item in sets.items() if name.startswith(HISTORY)},
             draws=draws,
             history_draws=history_draws,
             histories=histories,
+            workers=workers,
             pace=pace,
         )
         return with_calibration(teach(sets, setting), calibrated)
 
 
-def folds_of(sets: Mapping[str, ThrowSet], setting: Setting, *, count: int = FOLDS) -> list[Fold]:
+def folds_of(
+    sets: Mapping[str, ThrowSet],
+    setting: Setting,
+    *,
+    count: int = FOLDS,
+    workers: Workers | None = None,
+) -> list[Fold]:
     """Return detectors of a part of the switches each, with the throws of the others.
 
     Switches that share their sections lie in a row and are held back together. Causes are thrown
@@ -189,30 +228,36 @@ def folds_of(sets: Mapping[str, ThrowSet], setting: Setting, *, count: int = FOL
         What for.
     count : int
         Of folds.
+    workers : Workers, optional
+        Processes, which take a fold each.
     """
+    jobs = [partial(_fold_of, sets, setting, number, count) for number in range(count)]
+    found = dict((workers or Workers(0)).run(jobs))
+    return [found[number] for number in range(count)]
+
+
+def _fold_of(sets: Mapping[str, ThrowSet], setting: Setting, number: int, count: int) -> Fold:
+    """Return one of some folds."""
     run = min(BLOCK, max(1, (int(sets[SOUND].row.max()) + 1) // RUNS))
-    found = []
-    for number in range(count):
-        seen, held = {}, {}
-        for name, item in sets.items():
-            if name == HISTORY:
-                seen[name] = item.of(item.switch % count != number)
-            if name.startswith(HISTORY):
-                continue
-            state = item.row if name == SOUND else item.partner
-            out = state // run % count == number
-            few = name != SOUND and np.count_nonzero(~out) < min(LEAST_LEFT, len(out))
-            seen[name] = item if few else item.of(~out)
-            held[name] = item.of(np.zeros_like(out) if few else out)
-        touched = held[OBJECT].of(held[OBJECT].force > 0.0)
-        sound, group = held[SOUND], groups_of(held[SOUND], run)
-        if HISTORY in sets:
-            own = sets[HISTORY].of(sets[HISTORY].switch % count == number)
-            own = replace(own, switch=int(sets[SOUND].row.max()) + 1 + own.switch)
-            sound, group = sound.with_more(own), np.concatenate([group, own.switch])
-        knowledge = teach(seen, setting)
-        found.append(Fold(knowledge=knowledge, sound=sound, objects=touched, group=group))
-    return found
+    seen, held = {}, {}
+    for name, item in sets.items():
+        if name == HISTORY:
+            seen[name] = item.of(item.switch % count != number)
+        if name.startswith(HISTORY):
+            continue
+        state = item.row if name == SOUND else item.partner
+        out = state // run % count == number
+        few = name != SOUND and np.count_nonzero(~out) < min(LEAST_LEFT, len(out))
+        seen[name] = item if few else item.of(~out)
+        held[name] = item.of(np.zeros_like(out) if few else out)
+    touched = held[OBJECT].of(held[OBJECT].force > 0.0)
+    sound, group = held[SOUND], groups_of(held[SOUND], run)
+    if HISTORY in sets:
+        own = sets[HISTORY].of(sets[HISTORY].switch % count == number)
+        own = replace(own, switch=int(sets[SOUND].row.max()) + 1 + own.switch)
+        sound, group = sound.with_more(own), np.concatenate([group, own.switch])
+    knowledge = teach(seen, setting)
+    return Fold(knowledge=knowledge, sound=sound, objects=touched, group=group)
 
 
 def groups_of(sound: ThrowSet, run: int) -> NDArray[np.intp]:
@@ -252,11 +297,14 @@ def _calibrations(
     draws: int,
     history_draws: int,
     histories: tuple[int, ...],
+    workers: Workers | None,
     pace: Pace | None,
 ) -> list[Calibrated]:
     """Return what throws that a detector did not see say of it, without and with a history."""
     parts = [CYCLE, CLOSING] if len(folds[0].knowledge.layout.parts) > 1 else [CYCLE]
-    alone = {part: calibrate_alone(folds, part=part, draws=draws) for part in parts}
+    alone = {
+        part: calibrate_alone(folds, part=part, draws=draws, workers=workers) for part in parts
+    }
     calibrated = list(alone.values())
     for number in histories if HISTORY in repeated else ():
         calibrated += calibrate_history(
@@ -266,6 +314,7 @@ def _calibrations(
             alone=alone,
             objects=repeated.get(after_history(OBJECT)),
             draws=history_draws,
+            workers=workers,
             pace=pace,
         )
     return calibrated
