@@ -5,8 +5,8 @@ Each throw is used several times, with its own discrepancy, noise and timing.
 
 import itertools
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from turnout.core.workers import Workers
 from turnout.detection.alarm_threshold import RATES, thresholds_of
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
+    Missed,
     Misses,
     Tried,
     factor_of,
@@ -228,16 +229,18 @@ def calibrate_alone(
         partial(_judge_alone, fold, part=part, draws=draws, share=share, seed=seed + FOLD_SEED * n)
         for n, fold in enumerate(folds)
     ]
-    found = dict((workers or Workers(0)).run(jobs))
+    workers = workers or Workers(0)
+    found = dict(workers.run(jobs))
     made = [found[number] for number in range(len(folds))]
     judged = [item for own, _ in made for item in own]
     switches = sum(len(np.unique(fold.sound.switch)) for fold in folds)
     return _calibrated(
-        folds[0].knowledge,
+        folds,
         Calibrated(part=part, history=0, thresholds={}, throws=0, switches=switches),
         judged=[np.concatenate(item) for item in zip(*judged, strict=True)],
         group=np.concatenate([fold.group for fold in folds for _ in range(draws)]),
-        tried=_without_history(folds, [held for _, held in made], part),
+        tried=[(number, None, held) for number, (_, held) in enumerate(made)],
+        workers=workers,
     )
 
 
@@ -255,16 +258,9 @@ def _judge_alone(
     return judged, tried
 
 
-def _without_history(
-    folds: Sequence[Fold], tried: Sequence[list[Tried]], part: str
-) -> Iterator[tuple[View, Tried]]:
-    """Yield throws of each fold with the view that they are judged by."""
-    for fold, held in zip(folds, tried, strict=True):
-        view = make_view(fold.knowledge, part=part)
-        yield from ((view, item) for item in held)
-
-
 FOLD_SEED = 1000
+Group = tuple[int, Expectation | None, list[Tried]]
+"""Throws that widths are taken from: fold, what was expected of their switch, and the throws."""
 
 
 def _errors(knowledge: Knowledge, seed: int) -> Errors:
@@ -337,14 +333,15 @@ def calibrate_history(
     judgings.sort(key=lambda item: (item.switch, item.draw))
     return [
         _calibrated(
-            folds[0].knowledge,
+            folds,
             replace(other, history=history, switches=len(numbers)),
             judged=[
                 np.concatenate(item)
                 for item in zip(*(j for own in judgings for j in own.judged[part]), strict=True)
             ],
             group=np.concatenate([own.switches for own in judgings]),
-            tried=_after_histories(folds, judgings, part),
+            tried=[(own.switch % len(folds), own.expected, own.held) for own in judgings],
+            workers=workers,
         )
         for part, other in alone.items()
         if judgings
@@ -406,19 +403,6 @@ def _judge_histories(
     return found, time.perf_counter() - began
 
 
-def _after_histories(
-    folds: Sequence[Fold], judgings: Sequence[_Judging], part: str
-) -> Iterator[tuple[View, Tried]]:
-    """Yield throws after each history with what they are judged by, made when it is needed.
-
-    The views of all histories together would take some 10 GB.
-    """
-    for own in judgings:
-        knowledge = folds[own.switch % len(folds)].knowledge
-        view = make_view(knowledge, part=part, known=own.expected)
-        yield from ((view, item) for item in own.held)
-
-
 def _with_objects(
     objects: ThrowSet | None, switch: int, fixed: Floats, errors: Errors
 ) -> list[Tried]:
@@ -449,21 +433,58 @@ MOST_LATER = 6
 """Throws judged after a history."""
 
 
-def _calibrated(
+def _missed_by(
     knowledge: Knowledge,
+    part: str,
+    groups: Sequence[tuple[Expectation | None, list[Tried]]],
+    threshold: float,
+) -> list[Missed]:
+    """Return the misses of groups of throws, each judged after what was expected of its switch."""
+    found = []
+    for expected, held in groups:  # the views of all histories together would take some 10 GB
+        view = make_view(knowledge, part=part, known=expected)
+        found.append(misses_of(knowledge, [(view, item) for item in held], threshold=threshold))
+    return found
+
+
+def _misses(
+    folds: Sequence[Fold], tried: Sequence[Group], part: str, threshold: float, workers: Workers
+) -> Missed:
+    """Return the misses of all groups in their order, from processes that take a fold each."""
+    of_fold: dict[int, list[int]] = {}
+    for number, (fold, _, _) in enumerate(tried):
+        of_fold.setdefault(fold, []).append(number)
+    jobs = [
+        partial(_missed_by, folds[fold].knowledge, part, [tried[n][1:] for n in own], threshold)
+        for fold, own in of_fold.items()
+    ]
+    places, made = list(of_fold.values()), dict[int, Missed]()
+    for job, found in workers.run(jobs):
+        made |= zip(places[job], found, strict=True)
+    whole = Missed()
+    for number in range(len(tried)):
+        for item in fields(Missed):
+            getattr(whole, item.name).extend(getattr(made[number], item.name))
+    return whole
+
+
+def _calibrated(
+    folds: Sequence[Fold],
     usual: Calibrated,
     *,
     judged: Sequence[Floats],
     group: NDArray[np.intp],
-    tried: Iterable[tuple[View, Tried]],
+    tried: Sequence[Group],
+    workers: Workers,
 ) -> Calibrated:
     """Return thresholds and widths; those of `usual` where the throws say too little.
 
     Upper limits count groups of switches: those that share their sections are alike.
     """
+    knowledge = folds[0].knowledge
     ratios, causes, left, irregular = judged
     thresholds = thresholds_of(ratios, group=group, usual=usual.thresholds, least=LEAST_THRESHOLD)
-    found = misses_of(knowledge, tried, threshold=thresholds[f"{RATES[0]:g}"])
+    found = _misses(folds, tried, usual.part, thresholds[f"{RATES[0]:g}"], workers)
     count = len(knowledge.setting.gaps)
 
     def each_gap(group: Misses) -> Floats:
