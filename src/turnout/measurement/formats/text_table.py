@@ -3,12 +3,12 @@
 import io
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from pandas.errors import ParserError, ParserWarning
+from pandas.errors import ParserWarning
 
 from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices
@@ -16,7 +16,7 @@ from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.numbers import EMPTY, is_number
-from turnout.measurement.formats.text_dialect import SAMPLE_SIZE, TextLayout, text_layout
+from turnout.measurement.formats.text_dialect import SAMPLE_SIZE, TextLayout, cells_of, text_layout
 from turnout.measurement.formats.time_axis import is_date, is_stamp
 from turnout.measurement.recording import Recording
 
@@ -94,26 +94,18 @@ def text_table(content: bytes, *, source: str) -> Table:
 
 def _table(text: _Text) -> tuple[Any, list[str]]:
     """Return the cells, columns of numbers as such, and remarks on repairs."""
-    layout, problems = text.layout, list[str]()
-    rows: int | None = None
+    layout = text.layout
+    text, problems = _without_footer(text)
     try:
-        try:
-            frame = _frame(text)
-        except ParserError as error:
-            rows = _footer_begins(text, error)
-            if rows is None:
-                raise
-            frame = _frame(text, nrows=rows)
-            problems.append("lines below the table are left out")
+        frame = _frame(text)
     except (ValueError, OverflowError, ParserWarning) as error:
         raise FileError(_fault(text, error)) from None
     while layout.width == 1 and len(frame) and frame.iloc[-1, 0] in ("", None):
         frame = frame.iloc[:-1]
     if layout.width == 1 and len(frame) and frame[0].dtype.kind == "f":
         frame = frame.iloc[: int(np.flatnonzero(frame[0].notna())[-1]) + 1]
-    frame = _without_footer(frame, layout, problems, text.source)
     # An empty line at the end is none; a row without its last cells was cut off.
-    cut = len(frame) > 1 and rows is None and pd.isna(frame.iloc[-1, -1])
+    cut = len(frame) > 1 and not problems and pd.isna(frame.iloc[-1, -1])
     if cut and frame.iloc[:-1, -1].notna().any() and not text.body.endswith("\n"):
         frame = frame.iloc[:-1]
         problems.append("the last line is cut off and left out")
@@ -150,58 +142,59 @@ def _frame(text: _Text, **options: object) -> Any:
     return frame
 
 
-def _value(cell: object, decimal: str) -> bool:
-    if isinstance(cell, str):
-        return is_number(cell, decimal) or is_stamp(cell) or is_date(cell)
-    return bool(cell == cell)
+def _value(cell: str, decimal: str) -> bool:
+    return is_number(cell, decimal) or is_stamp(cell) or is_date(cell)
 
 
-def _without_footer(frame: Any, layout: TextLayout, problems: list[str], source: str) -> Any:
-    """Leave out rows of statistics below the numbers; refuse a second table there."""
-    texts = [name for name in frame.columns if frame[name].dtype == object]
-    if not texts or not len(frame):
-        return frame
-    probes = [frame.iloc[len(frame) * part // 8] for part in range(1, 8, 2)]
+def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
+    """Leave out lines of statistics below the numbers; refuse a second table there."""
+    layout = text.layout
+    lines = text.body.rstrip("\n").split("\n")
+    probes = [cells_of(lines[len(lines) * part // 8], layout.separator) for part in range(1, 8, 2)]
     leading = next(
-        (n for n in frame.columns if sum(_value(row[n], layout.decimal) for row in probes) > 1),
+        (
+            place
+            for place in range(layout.width)
+            if sum(_value(row[place], layout.decimal) for row in probes if len(row) > place) > 1
+        ),
         None,
     )
-    if leading not in texts:
-        return frame
-    cells = [str(cell).strip() for cell in frame[leading]]
-    names = [name.strip() for name in layout.heading.names if name]
-    for row, cell in enumerate(cells):
-        if names and cell and row and cell.split(" (")[0].split(" [")[0] == names[0]:
-            message = (
-                f"{source}: a second table begins at line {layout.first_row + 1 + row}, below the "
-                "first; save each in a file of its own"
-            )
-            raise FileError(message)
-    count = len(frame)
-    while count and cells[count - 1][:1].isalpha() and not _value(cells[count - 1], layout.decimal):
-        count -= 1
-    if 0 < len(frame) - count <= MOST_FOOTER and count > 1:
-        left = "line below the table is" if len(frame) - count == 1 else "lines below it are"
-        problems.append(f"{len(frame) - count} {left} left out: '{cells[count][:40]}'")
-        frame = frame.iloc[:count].copy()
-        for name in texts:
-            plain = pd.to_numeric(frame[name], errors="coerce")
-            if layout.decimal == "." and plain.notna().sum() == (frame[name] != "").sum():
-                frame[name] = plain
-    return frame
+    if leading is None:
+        return text, []
+    _refuse_second_table(text, leading)
+    count = 0
+    for line in lines[: -MOST_FOOTER - 2 : -1]:
+        cells = cells_of(line, layout.separator)
+        cell = cells[leading] if len(cells) > leading else "".join(cells[:1])
+        if cell and (not cell[0].isalpha() or _value(cell, layout.decimal)):
+            break
+        count += 1
+    first = len(lines) - count
+    while count and not lines[first].strip():
+        first, count = first + 1, count - 1
+    if not 0 < count <= MOST_FOOTER or first < 2:
+        return text, []
+    shown = cells_of(lines[first], layout.separator)[0][:40]
+    what = "line below the table is" if count == 1 else "lines below it are"
+    kept = replace(text, body="\n".join(lines[:first]) + "\n")
+    return kept, [f"{count} {what} left out: '{shown}'"]
 
 
-def _footer_begins(text: _Text, error: Exception) -> int | None:
-    """Return the rows of numbers above a line that is too wide, if it begins with a text."""
-    said = str(error)
-    if "Expected" not in said or " line " not in said:
-        return None
-    line = int(said.split(" line ")[1].split(",")[0])
-    lines = text.body.splitlines()[line - 1 :]
-    first = lines[0].strip().strip('"') if lines else ""
-    if not first[:1].isalpha() or len(lines) > MOST_FOOTER or is_stamp(first.split()[0]):
-        return None
-    return line - 1
+def _refuse_second_table(text: _Text, leading: int) -> None:
+    """Refuse a line below the numbers that begins with the name of their first column."""
+    names = [name.strip() for name in text.layout.heading.names if name]
+    if not names or _value(names[0], text.layout.decimal) or names[0] not in text.body:
+        return
+    for row, line in enumerate(text.body.split("\n")):
+        if row and names[0] in line:
+            cells = cells_of(line, text.layout.separator)
+            cell = cells[leading] if len(cells) > leading else ""
+            if cell.split(" (")[0].split(" [")[0] == names[0]:
+                message = (
+                    f"{text.source}: a second table begins at line {len(text.above) + 1 + row}, "
+                    "below the first; save each in a file of its own"
+                )
+                raise FileError(message)
 
 
 def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -> Any:
