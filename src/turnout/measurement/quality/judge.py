@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import xarray as xr
 
 from turnout.measurement.campaign.find_throws import FoundThrow
-from turnout.measurement.campaign.motion_signals import Floats
 from turnout.measurement.quality.channel_faults import Fault, Limits, channel_faults
 from turnout.measurement.quality.throw_faults import (
-    ForceProfile,
+    Expected,
+    SeenThrow,
     direction_faults,
     drift_faults,
     offset_faults,
@@ -18,31 +18,6 @@ from turnout.measurement.quality.throw_faults import (
 )
 
 LOAD_CELL = "object_force"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Expected:
-    """Facts about a throw known before its samples are examined.
-
-    Attributes
-    ----------
-    direction : str or None
-        "closing" or "opening", as the run sheet says.
-    load_cell : bool
-        Whether a load cell was mounted.
-    rate : float or None
-        Samples a second that all recordings of the campaign should have [1/s].
-    profile : ForceProfile or None
-        How most throws of the campaign in this direction begin.
-    open_level : ndarray or None, shape (n_drives,)
-        Force of the rods in most of them while the rail is open [N].
-    """
-
-    direction: str | None = None
-    load_cell: bool = True
-    rate: float | None = None
-    profile: ForceProfile | None = None
-    open_level: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,19 +87,14 @@ def judge_recording(
     kept = dataset.isel(time=slice(throw.first, throw.stop))
     if LOAD_CELL in kept and not known.load_cell:
         kept = kept.drop_vars(LOAD_CELL)
-    faults = [
-        *truncation_faults(throw, kept, least_rest=chosen.least_rest),
+    seen = SeenThrow(kept, throw, chosen, known)
+    faults = (
+        *truncation_faults(seen),
         *channel_faults(kept, throw, limits=chosen),
-        *rate_faults(kept, throw, rate=known.rate, profile=known.profile, limits=chosen),
-        *direction_faults(kept, throw, direction=known.direction, limits=chosen),
-        *drift_faults(kept, limits=chosen),
-        *offset_faults(
-            kept,
-            throw,
-            direction=known.direction,
-            typical=known.open_level,
-            limits=chosen,
-        ),
-        *swap_faults(kept, throw, profile=known.profile, limits=chosen),
-    ]
-    return ThrowQuality(faults=tuple(faults))
+        *rate_faults(seen),
+        *direction_faults(seen),
+        *drift_faults(seen),
+        *offset_faults(seen),
+        *swap_faults(seen),
+    )
+    return ThrowQuality(faults=faults)

@@ -1,7 +1,8 @@
 """Faults that channels show only together: truncation, pace, polarity, direction, swaps."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import xarray as xr
@@ -39,6 +40,68 @@ class ForceProfile:
 
     forces: Floats
     currents: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Expected:
+    """Facts about a throw known before its samples are examined.
+
+    Attributes
+    ----------
+    direction : str or None
+        "closing" or "opening", as the run sheet says.
+    load_cell : bool
+        Whether a load cell was mounted.
+    rate : float or None
+        Samples a second that all recordings of the campaign should have [1/s].
+    profile : ForceProfile or None
+        How most throws of the campaign in this direction begin.
+    open_level : ndarray or None, shape (n_drives,)
+        Force of the rods in most of them while the rail is open [N].
+    """
+
+    direction: str | None = None
+    load_cell: bool = True
+    rate: float | None = None
+    profile: ForceProfile | None = None
+    open_level: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenThrow:
+    """A throw to be judged.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        The part of the recording that holds it, unfiltered.
+    throw : FoundThrow
+        Onset and end of the movement.
+    limits : Limits
+        From what size on something is a fault.
+    expected : Expected
+        Knowledge of the campaign.
+    """
+
+    dataset: xr.Dataset
+    throw: FoundThrow
+    limits: Limits
+    expected: Expected
+
+    @property
+    def time(self) -> Floats:
+        """Times of the samples, shape (n,) [s]."""
+        return np.asarray(self.dataset["time"].values)
+
+    @property
+    def rate(self) -> float:
+        """Samples a second [1/s]."""
+        return (self.time.size - 1) / float(self.time[-1] - self.time[0])
+
+    @property
+    def drives(self) -> list[str]:
+        """Names of the drives."""
+        return [str(name) for name in self.dataset["drive"].values]
 
 
 def early_profile(dataset: xr.Dataset, throw: FoundThrow) -> ForceProfile | None:
@@ -108,32 +171,26 @@ def typical_profile(profiles: Sequence[ForceProfile]) -> ForceProfile | None:
     return ForceProfile(forces, np.median(currents, axis=0))
 
 
-def truncation_faults(throw: FoundThrow, dataset: xr.Dataset, *, least_rest: float) -> list[Fault]:
+def truncation_faults(seen: SeenThrow) -> Iterator[Fault]:
     """Find a throw whose start or end is not in the recording."""
-    time = dataset["time"].values
-    faults = []
+    throw, time, least_rest = seen.throw, seen.time, seen.limits.least_rest
     if throw.triggered:
         text = "the recording begins with the inrush, so what channels show at rest is not known"
-        faults.append(Fault("triggered", "", text, excludes=False))
+        yield Fault("triggered", "", text, excludes=False)
     elif throw.cut_start or throw.onset - float(time[0]) < least_rest:
-        text = "the recording begins after the onset of motion"
-        faults.append(Fault("truncated", "", text))
+        yield Fault("truncated", "", "the recording begins after the onset of motion")
     if throw.cut_end or float(time[-1]) - throw.end < least_rest:
-        text = "the recording ends before the motion does"
-        faults.append(Fault("truncated", "", text))
-    return faults
+        yield Fault("truncated", "", "the recording ends before the motion does")
 
 
-def drift_faults(dataset: xr.Dataset, *, limits: Limits) -> list[Fault]:
+def drift_faults(seen: SeenThrow) -> Iterator[Fault]:
     """Find rod forces and a load cell whose zero wanders: they change alike before and after."""
-    span = float(dataset["time"].values[-1] - dataset["time"].values[0])
-    faults = []
-    for channel in measured_channels(dataset):
+    span, most = float(seen.time[-1] - seen.time[0]), seen.limits.most_drift
+    for channel in measured_channels(seen.dataset):
         change = abs(slope := drift(channel.values, rate=channel.rate)) * span
-        if channel.unit == "N" and change > limits.most_drift:
+        if channel.unit == "N" and change > most:
             text = f"{slope:.3g} N/s before and after the motion, {change:.3g} N in all"
-            faults.append(Fault("drift", channel.name, f"{text}, at most {limits.most_drift:g} N"))
-    return faults
+            yield Fault("drift", channel.name, f"{text}, at most {most:g} N")
 
 
 def open_level(dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None) -> Floats | None:
@@ -157,66 +214,46 @@ def open_level(dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None)
     return np.array([float(np.median(row)) for row in filled])
 
 
-def offset_faults(
-    dataset: xr.Dataset,
-    throw: FoundThrow,
-    *,
-    direction: str | None,
-    typical: Floats | None,
-    limits: Limits,
-) -> list[Fault]:
+def offset_faults(seen: SeenThrow) -> Iterator[Fault]:
     """Find channels whose zero is off.
 
     What a rod carries at rest is known from the rest of the campaign only; a current and a load
     cell rest at nothing.
     """
-    faults = []
-    most = dict(limits.most_offset)
-    own = open_level(dataset, throw, direction=direction) if typical is not None else None
+    most, typical = dict(seen.limits.most_offset), seen.expected.open_level
+    own = open_level(seen.dataset, seen.throw, direction=seen.expected.direction)
     if own is not None and typical is not None and own.shape == typical.shape:
-        names = [str(name) for name in dataset["drive"].values]
-        for name, level, usual in zip(names, own, typical, strict=True):
+        for name, level, usual in zip(seen.drives, own, typical, strict=True):
             if abs(level - usual) > most["drive_force"]:
-                text = (
-                    f"{level:.4g} N with the rail open, {usual:.4g} N in the rest of the campaign"
-                )
-                faults.append(Fault("zero offset", f"drive_force {name}", text, excludes=False))
-    time = dataset["time"].values
-    rest = time < throw.onset - 0.01
-    for channel in measured_channels(dataset):
+                text = f"{level:.4g} N with the rail open, {usual:.4g} N in the rest of the "
+                yield Fault("zero offset", f"drive_force {name}", f"{text}campaign", excludes=False)
+    rest = seen.time < seen.throw.onset - 0.01
+    for channel in measured_channels(seen.dataset):
         known = channel.values[rest & np.isfinite(channel.values)]
         allowed = most.get(channel.key, np.inf)
-        if channel.key == "drive_force" or throw.cut_start or not known.size:
+        if channel.key == "drive_force" or seen.throw.cut_start or not known.size:
             continue
         level, unit = float(np.median(known)), channel.unit
         if abs(level) > allowed:
             text = f"{level:.3g} {unit} at rest, at most {allowed:g} {unit} expected"
-            faults.append(Fault("zero offset", channel.name, text, excludes=False))
-    return faults
+            yield Fault("zero offset", channel.name, text, excludes=False)
 
 
-def rate_faults(
-    dataset: xr.Dataset,
-    throw: FoundThrow,
-    *,
-    rate: float | None,
-    profile: ForceProfile | None,
-    limits: Limits,
-) -> list[Fault]:
+def rate_faults(seen: SeenThrow) -> Iterator[Fault]:
     """Find a sampling rate that is stated otherwise than agreed, or stated wrongly.
 
     A wrong statement stretches time: the early part of the throw, which no object has a say in,
     then fits the campaign's only at another pace, even if its height may change with friction. All
     forces must say so: an object that is met early changes some of them.
     """
-    time = dataset["time"].values
-    stated = (time.size - 1) / float(time[-1] - time[0])
-    if rate is not None and abs(stated / rate - 1.0) > limits.rate_share:
-        text = f"{stated:.6g} Hz stated, {rate:.6g} Hz in the rest of the campaign"
-        return [Fault("sampling rate", "", text)]
+    rate, profile, limits = seen.expected.rate, seen.expected.profile, seen.limits
+    if rate is not None and abs(seen.rate / rate - 1.0) > limits.rate_share:
+        text = f"{seen.rate:.6g} Hz stated, {rate:.6g} Hz in the rest of the campaign"
+        yield Fault("sampling rate", "", text)
+        return
     if profile is None:
-        return []
-    own = _at_paces(dataset, throw, PACES.tolist())
+        return
+    own = _at_paces(seen.dataset, seen.throw, PACES.tolist())
     away = [_misfits(p, profile) for p in own]
     best = int(np.argmin([np.sqrt(np.mean(rows**2)) for rows in away]))
     here = away[int(np.argmin(np.abs(np.log(PACES))))]
@@ -224,82 +261,72 @@ def rate_faults(
     # An object that is met at once changes one force more than the others; a clock, all alike.
     if abs(np.log(pace)) > np.log1p(limits.pace_share) and np.all(away[best] < 0.5 * here):
         text = f"the throw begins at {1.0 / pace:.2f} times the pace of the campaign's others"
-        return [Fault("sampling rate", "", text)]
-    return []
+        yield Fault("sampling rate", "", text)
 
 
-def direction_faults(
-    dataset: xr.Dataset, throw: FoundThrow, *, direction: str | None, limits: Limits
-) -> list[Fault]:
+def direction_faults(seen: SeenThrow) -> Iterator[Fault]:
     """Find reversed channels, and a throw that goes the other way than its sheet says."""
-    time = dataset["time"].values
-    rate = (time.size - 1) / float(time[-1] - time[0])
-    names = [str(name) for name in dataset["drive"].values]
+    dataset, time, direction = seen.dataset, seen.time, seen.expected.direction
+    least = seen.limits.polarity_force
     forces = np.empty((0, time.size))
     if "drive_force" in dataset:
         forces = dataset["drive_force"].transpose("drive", "time").values
-    changes = force_changes(forces, rate=rate)
     signs = {
         name: (CLOSING if change > 0 else OPENING)
-        for name, change in zip(names, changes, strict=False)
-        if abs(change) > limits.polarity_force
+        for name, change in zip(seen.drives, force_changes(forces, rate=seen.rate), strict=False)
+        if abs(change) > least
     }
-    faults = []
     wrong = [name for name, sign in signs.items() if direction and sign != direction]
     if wrong and len(wrong) == len(signs):
         text = f"the sheet says {direction}, the rod forces {signs[wrong[0]]}"
-        faults.append(Fault("direction", "", f"{text}; one of them is wrong"))
+        yield Fault("direction", "", f"{text}; one of them is wrong")
     elif not direction and len(set(signs.values())) > 1:
         text = "rod forces of different sign in one throw"
-        faults.append(Fault("reversed polarity", "drive_force", text))
+        yield Fault("reversed polarity", "drive_force", text)
     else:
         text = f"it changes as in the {OPENING if direction == CLOSING else CLOSING} direction"
-        faults += [Fault("reversed polarity", f"drive_force {name}", text) for name in wrong]
-    inside = (time > throw.onset + 0.2) & (time < throw.end)
-    for name in names if "drive_current" in dataset else []:
+        for name in wrong:
+            yield Fault("reversed polarity", f"drive_force {name}", text)
+    inside = (time > seen.throw.onset + 0.2) & (time < seen.throw.end)
+    for name in seen.drives if "drive_current" in dataset else []:
         level = np.median(bridge_gaps(dataset["drive_current"].sel(drive=name).values)[inside])
         if level < -0.2:
             text = f"{level:.2g} A while the motor runs"
-            faults.append(Fault("reversed polarity", f"drive_current {name}", text))
+            yield Fault("reversed polarity", f"drive_current {name}", text)
     if "object_force" in dataset:
-        smooth = mean_over(dataset["object_force"].values, width=round(0.1 * rate))
-        rest = float(np.median(smooth[time < throw.onset])) if time[0] < throw.onset else 0.0
-        if rest - smooth.min() > max(limits.polarity_force, smooth.max() - rest):
+        smooth = mean_over(dataset["object_force"].values, width=round(0.1 * seen.rate))
+        before = smooth[time < seen.throw.onset]
+        rest = float(np.median(before)) if before.size else 0.0
+        if rest - smooth.min() > max(least, smooth.max() - rest):
             text = f"{smooth.min() - rest:.3g} N, a load cell is only squeezed"
-            faults.append(Fault("reversed polarity", "object_force", text))
-    return faults
+            yield Fault("reversed polarity", "object_force", text)
 
 
-def swap_faults(
-    dataset: xr.Dataset, throw: FoundThrow, *, profile: ForceProfile | None, limits: Limits
-) -> list[Fault]:
+def swap_faults(seen: SeenThrow) -> Iterator[Fault]:
     """Find channels of two drives that have changed places.
 
     The early part of the throw is compared with the campaign's, as it stands and swapped.
     """
-    own = early_profile(dataset, throw) if profile is not None else None
+    profile = seen.expected.profile
+    own = early_profile(seen.dataset, seen.throw) if profile is not None else None
     if own is None or profile is None:
-        return []
-    names = [str(name) for name in dataset["drive"].values]
-    faults = []
+        return
     for key, rows, typical in (
         ("drive_force", own.forces, profile.forces),
         ("drive_current", own.currents, profile.currents),
     ):
         if rows.shape != typical.shape:
             continue
-        for one in range(len(rows)):
-            for two in range(one + 1, len(rows)):
-                swapped = rows.copy()
-                swapped[[one, two]] = rows[[two, one]]
-                straight = _distance(_loaded(rows), _loaded(typical))
-                crossed = _distance(_loaded(swapped), _loaded(typical))
-                # Inrush is common to all motors and identifies none.
-                if straight > limits.swap_gain * crossed and np.isfinite(straight):
-                    text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
-                    channel = f"{key} {names[one]} and {names[two]}"
-                    faults.append(Fault("swapped channels", channel, text))
-    return faults
+        for one, two in combinations(range(len(rows)), 2):
+            swapped = rows.copy()
+            swapped[[one, two]] = rows[[two, one]]
+            straight = _distance(_loaded(rows), _loaded(typical))
+            crossed = _distance(_loaded(swapped), _loaded(typical))
+            # Inrush is common to all motors and identifies none.
+            if straight > seen.limits.swap_gain * crossed and np.isfinite(straight):
+                text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
+                channel = f"{key} {seen.drives[one]} and {seen.drives[two]}"
+                yield Fault("swapped channels", channel, text)
 
 
 def _misfits(own: ForceProfile | None, typical: ForceProfile) -> Floats:
