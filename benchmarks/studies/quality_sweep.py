@@ -18,8 +18,7 @@ from tests.unit.recorded import changed, noisy, samples, typical
 from benchmarks.page import EVIDENCE
 from turnout.measurement.campaign.find_throws import find_throws
 from turnout.measurement.quality.channel_faults import Limits
-from turnout.measurement.quality.judge import ThrowQuality, judge_recording
-from turnout.measurement.quality.throw_faults import Expected
+from turnout.measurement.quality.throw_faults import Expected, ThrowQuality, judge_recording
 
 PAGE = EVIDENCE / "measurement-quality.md"
 RECORDINGS = "Recordings of other programs"

@@ -8,8 +8,12 @@ import xarray as xr
 from tests.unit.recorded import changed, clean, noisy, only, samples, typical
 
 from turnout.measurement.quality.channel_faults import KINDS, line_amplitude, mostly_beyond
-from turnout.measurement.quality.judge import ThrowQuality, judge_recording
-from turnout.measurement.quality.throw_faults import Expected, open_level
+from turnout.measurement.quality.throw_faults import (
+    Expected,
+    ThrowQuality,
+    judge_recording,
+    open_level,
+)
 
 
 def judged(

@@ -182,6 +182,9 @@ TIMES: list[Kind] = [
     ("time: index headless", rows(time=str), ("counts samples and is no time",)),
     ("time: tens headless", rows(time=milliseconds), ("counts samples and is no time",)),
     ("time: index and rate", "Rate: 25 Hz\nindex,Force [kN],Current [A]\n" + rows(time=str), BOTH),
+    ("time: index in steps of four",
+     "Rate: 100 Hz\nindex,Force,Current\n" + rows(time=lambda n: f"{4 * n}"),
+     ("counts in steps of 4 beside a stated rate of 100 Hz",)),
     ("time: index leaves numbers out",
      "Rate: 25 Hz\nindex,Force [kN],Current [A]\n" + "".join(
          f"{n},{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT) if n != 5), BOTH),

@@ -12,7 +12,7 @@ from turnout.measurement.campaign.motion_signals import (
     force_changes,
     found_direction,
 )
-from turnout.measurement.quality.judge import judge_recording
+from turnout.measurement.quality.throw_faults import judge_recording
 
 ONSET = 2.0
 

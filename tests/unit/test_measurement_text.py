@@ -176,3 +176,10 @@ def test_units_at_the_end_of_a_name(
     assert {channel.rate for channel in recording.channels.values()} == {100.0}
     force, unit = next(iter(expected.items()))
     assert f'column = "{force}"\nunit = "{unit}"\nkind = "scaled"' in skeleton(recording)
+
+
+def test_a_decimation_beside_a_rate_is_remarked_upon(tmp_path: Path) -> None:
+    path = tmp_path / "throw.csv"
+    path.write_text("Sample rate: 25 Hz\nDecimation: 4\nForce\n" + "1\n2\n" * 9, encoding="utf-8")
+    (note,) = read_recording(path).problems
+    assert note == "check the time: 'Decimation: 4' is stated beside the sample rate"

@@ -37,11 +37,12 @@ from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_u
 from turnout.measurement.chain.channel_map import ChannelMap, drives_together
 from turnout.measurement.chain.recorder import stated_recorder
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
-from turnout.measurement.quality.judge import ThrowQuality, judge_recording
 from turnout.measurement.quality.throw_faults import (
     Expected,
     ForceProfile,
+    ThrowQuality,
     early_profile,
+    judge_recording,
     open_level,
     typical_profile,
 )

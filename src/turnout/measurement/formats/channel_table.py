@@ -440,6 +440,13 @@ def _index_axis(table: Table, rate: float) -> None:
     """Take an index that leaves numbers out as times: samples are missing there."""
     for place, values in table.values.items():
         name = table.columns[place].name
+        steps = np.diff(values)
+        if is_index_name(name) and len(name) > 1 and counts(values) and steps[0] > 1:
+            message = (
+                f"column '{name}' counts in steps of {steps[0]:g} beside a stated rate of {rate:g} "
+                "Hz, so that of the rows is not known; leave the column out, or state their rate"
+            )
+            raise ValueError(message)
         if is_index_name(name) and _counts_with_holes(values) and not _counts_throws(values):
             table.axes[place] = TimeAxis((values - values[0]) / rate)
             del table.values[place]
@@ -570,6 +577,8 @@ def _channel_columns(table: Table) -> list[FileColumn]:
         table.problems.append(f"column '{_label(table, place)}' is left out: it holds {what}")
     for shown in table.stated.doubtful if table.stated.rate() is None else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
+    for shown in table.stated.reduced if table.stated.rate() is not None else ():
+        table.problems.append(f"check the time: '{shown}' is stated beside the sample rate")
     return columns
 
 

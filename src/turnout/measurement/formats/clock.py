@@ -53,6 +53,7 @@ _STEP = re.compile(
 _EITHER = re.compile(rf"sampling|abtastung|sample|messtakt|takt{_SUFFIX}")
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
+_REDUCED = re.compile(r"(?:decimation|downsampling|undersampling|divider)(?:factor|ratio)?")
 _START = re.compile(rf"(?:x0|t0|tstart|start|starts|xzero|xorigin|hoffset|wfstartoffset){_SUFFIX}")
 _BEGIN = re.compile(
     r"(?:wf|recording|measurement|record|trigger)?(?:start|begin)?(?:store)?"
@@ -214,6 +215,8 @@ class StatedClock:
         Date and time of the start, in parts.
     doubtful : list of str
         Texts that look like a rate and are none, such as the frequency of the mains.
+    reduced : list of str
+        Texts that say that samples were left out, of the stated rate or before it.
     """
 
     rates: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
@@ -221,6 +224,7 @@ class StatedClock:
     start: float = 0.0
     moments: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
+    reduced: list[str] = field(default_factory=list)
 
     def read(
         self, key: str, values: Sequence[object], *, unit: str = "", decimal: str | None = "."
@@ -249,6 +253,9 @@ class StatedClock:
         text = " ".join(str(value).strip() for value in values).strip()
         if _NO_RATE.fullmatch(name) and stated_number(text) is not None:
             self.doubtful.append(f"{key.strip()}: {text}"[:60])
+            return True
+        if _REDUCED.fullmatch(name) and text not in ("1", "0", ""):
+            self.reduced.append(f"{key.strip()}: {text}"[:60])
             return True
         if match := _START.fullmatch(name):
             kept = list(dict.fromkeys(str(value).strip() for value in values))
