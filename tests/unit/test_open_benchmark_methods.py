@@ -3,7 +3,6 @@
 import ast
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -217,14 +216,13 @@ def test_a_fault_of_a_method_is_raised_after_the_others_ran(
         return {"title": name}
 
     monkeypatch.setattr(run_methods, "_run_piece", run_piece)
-    monkeypatch.setattr(run_methods, "worker_processes", ThreadPoolExecutor)
     missing: Sequence[run_methods.Piece] = [
         (Conditions(), name) for name in ("boosting", "pca", "dtw")
     ]
     came = []
 
     def take() -> None:
-        for piece, _ in run_methods._results(tmp_path, missing, {"markers": ""}, workers=2):
+        for piece, _ in run_methods._results(tmp_path, missing, {"markers": ""}, workers=1):
             came.append(piece[1])
 
     with pytest.raises(RuntimeError, match="no trees"):

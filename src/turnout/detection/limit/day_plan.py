@@ -193,6 +193,8 @@ def candidates(
         for name, changed in panels.items()
     }  # fmt: skip
     made = thrown(studies, workers=workers, pace=pace)
+    planned = slice(None, nominal.schedule.end + 1e-9)  # machines may run on with an object
+    made = {name: item.sel(time=planned) for name, item in made.items()}
     ended = np.all([item["outcome"].astype(str) == "complete" for item in made.values()], axis=0)
     if not ended[0]:
         message = f"the throw without an object did not end: {made['nominal']['reason'].item(0)}"

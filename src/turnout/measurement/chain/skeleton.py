@@ -100,8 +100,8 @@ def skeleton(recording: Recording) -> str:
     --------
     >>> import numpy as np
     >>> rod = RecordedChannel("Rod 2", "mV/V", np.zeros(3), rate=1000.0)
-    >>> print(skeleton(Recording({"Rod 2": rod}, "throw.csv")).splitlines()[12])
-    [drive_force.2]
+    >>> "[drive_force.2]" in skeleton(Recording({"Rod 2": rod}, "throw.csv")).splitlines()
+    True
     """
     taken: set[str] = set()
     blocks = [HEAD, "\n".join(_blocks(recording, taken))]
