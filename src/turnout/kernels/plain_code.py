@@ -13,7 +13,7 @@ from typing import Any
 import numba
 from llvmlite import ir
 
-KNOWN = ("0.61", "0.62", "0.63", "0.64", "0.65", "0.66", "0.67", "0.68")
+KNOWN = ("0.61", "0.64", "0.65", "0.68")
 """Minor versions of Numba that this has been tried with."""
 
 
