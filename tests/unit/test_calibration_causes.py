@@ -27,6 +27,7 @@ from turnout.calibration.misfit import Misfit
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
+from turnout.core.errors import SolverError
 from turnout.measurement.chain.recorder import LowPass, Recorder
 from turnout.panel.load import LoadedPanel, load_panel
 
@@ -115,10 +116,16 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
         begun.append(bool(near.local.stepped))
         return found
 
+    def fails(*_: object, **__: object) -> None:
+        message = "it slips at rest"
+        raise SolverError(message)
+
     monkeypatch.setattr(starts, "brief_fit", noted)
+    # A fit to its end is tried, and is none where it fails.
+    monkeypatch.setattr(starts, "fit", fails)
     assert starts.first_fit(whole, PARAMETERS, near, found) is found
     assert begun == [True, False]
-    monkeypatch.setattr(starts, "is_worth_a_search", lambda _: False)
+    monkeypatch.setattr(starts, "is_worth_a_search", lambda *_, **__: False)
     starts.first_fit(whole, PARAMETERS, near, found)
     assert begun[2:] == [True]
 

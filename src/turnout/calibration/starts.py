@@ -7,6 +7,7 @@ import numpy as np
 
 from turnout.calibration.causes import (
     CAUSE_STEPS,
+    CLEARLY,
     LEFT_MISSED,
     LESS_MISSED,
     is_worth_a_search,
@@ -19,6 +20,7 @@ from turnout.calibration.misfit import Misfit
 from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.objects import THICKER, thickness_name
 from turnout.calibration.parameter import Parameter, coordinates, values_at
+from turnout.core.errors import SolverError
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2
@@ -195,4 +197,24 @@ def first_fit(
         first = before = again
         if not goes_on:
             break
-    return first
+    if not is_worth_a_search(first, share=CLEARLY):
+        return first
+    return _gone_to_its_end(start, parameters, found, on_step) or first
+
+
+def _gone_to_its_end(
+    start: Misfit,
+    parameters: Sequence[Parameter],
+    found: Fit,
+    on_step: Callable[[float], None] | None,
+) -> Fit | None:
+    """Return a fit to its end if that misses no more than another solver would.
+
+    Where values and each movement's friction are off together, brief fits leave that so slowly that
+    the model seems to lack something, and causes that are not there would be taken up.
+    """
+    try:
+        whole = fit(start, parameters, found.values, near=found, refined=False, on_step=on_step)
+    except SolverError:
+        return None
+    return None if is_worth_a_search(whole) else whole
