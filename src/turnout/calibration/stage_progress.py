@@ -25,8 +25,8 @@ from turnout.panel.load import LoadedPanel
 ROUGH_THROWS, ROUGH_SLOPES, NEAR_THROWS, END_THROWS = 11, 2, 2, 3
 # Further quick throws of all movements where only some lead near.
 JOINING_THROWS = 3
-# Slopes of each movement that its object has: thickness and place.
-OBJECT_SLOPES = 2
+# Slopes of each movement that its object has: thickness.
+OBJECT_SLOPES = 1
 # Share of slopes that are thrown: slip levels that are not reached have none.
 THROWN_SLOPES = 0.7
 # Work over which the present pace is taken, in quick throws: that of the machine may change.
