@@ -17,7 +17,7 @@ from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.components import Machine
-from turnout.panel.profile import Spline
+from turnout.panel.profile import interpolated
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
@@ -132,8 +132,9 @@ class Mechanism:
     ----------
     matrices : Matrices or JoinedRails
         Of the bodies; `stiffness`, `mass`, `damping` and `load` are its.
-    rows : ndarray, shape (n_rows, n)
-        Generalised displacement of each row.
+    core : ndarray, shape (n, n_coordinates)
+        Generalised displacement of each row but those of foreign objects, shared by mechanisms
+        whose objects stand elsewhere.
     laws : LawTable
         All laws, addressing rows by index.
     law_names, friction_names : tuple of str
@@ -146,9 +147,8 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         Machines that move the inputs of drives without markers.
-    core : ndarray, optional
-        The rows without those of foreign objects, which come last, shared by mechanisms whose
-        objects stand elsewhere; their laws come last too.
+    object_rows : ndarray, optional
+        Rows of foreign objects, which come last, as their laws do.
     obstructions : Obstructions
         Laws that remember what was done to them.
     courses : FrictionCourses
@@ -158,7 +158,7 @@ class Mechanism:
     """
 
     matrices: Matrices | JoinedRails
-    rows: Floats
+    core: Floats
     laws: LawTable
     law_names: tuple[str, ...] = ()
     friction_names: tuple[str, ...] = ()
@@ -168,8 +168,18 @@ class Mechanism:
     machines: "DriveMachines | None" = None
     obstructions: Obstructions = field(default_factory=no_obstructions)
     courses: FrictionCourses = field(default_factory=no_courses)
-    core: Floats | None = None
+    object_rows: Floats | None = None
     nominal: "Mechanism | None" = None
+
+    @property
+    def rows(self) -> Floats:
+        """All rows, put together when they are asked for."""
+        return self.core if self.object_rows is None else np.vstack((self.core, self.object_rows))
+
+    @property
+    def n_rows(self) -> int:
+        """Number of all rows."""
+        return len(self.core) + (0 if self.object_rows is None else len(self.object_rows))
 
     @property
     def stiffness(self) -> Floats:
@@ -203,16 +213,18 @@ class RailShape:
 
     Attributes
     ----------
-    travel : Spline
-        Distance between the two positions at contact height, over x [m].
+    x : ndarray, shape (n,)
+        Nodes of the rail [m].
+    travel : ndarray, shape (n,)
+        Distance between the two positions at contact height there [m].
     """
 
-    travel: Spline
+    x: Floats
+    travel: Floats
 
     def travel_at(self, x: Floats) -> Floats:
         """Return the way at places [m]; beyond the ends of the rail it is held."""
-        knots = self.travel.knots
-        return self.travel(np.clip(x, knots[0], knots[-1]))
+        return interpolated(self.x, self.travel, x)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
