@@ -43,12 +43,12 @@ def triple(x):
 
 def plant(folder):
     import kernel
-    from turnout.kernels.compiler import compile_kernels
+    from turnout.kernels.compiler import compiled_together
 
     wanted = (NUMBER,)
     place = folder / kernel.double.file_for(wanted).name
     place.parent.mkdir(parents=True, exist_ok=True)
-    code = compile_kernels([(triple.dispatcher, wanted)], [kernel.double.identity(wanted)])
+    code = compiled_together([(triple.dispatcher, wanted)], [kernel.double.identity(wanted)])
     place.write_bytes(code.to_bytes())
     print(kernel.double(1.0))
 """

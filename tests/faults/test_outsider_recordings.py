@@ -10,7 +10,7 @@ from turnout.calibration.measured_movements import observe
 from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign.build_campaign import build_campaign_dataset
-from turnout.measurement.quality.channel_faults import Channel, Limits, run_faults
+from turnout.measurement.quality.channel_faults import Limits, RawChannel, run_faults
 from turnout.panel.load import load_panel
 
 SQUEEZED = Case(place="drive 2", size=0.013)
@@ -50,10 +50,10 @@ def test_an_object_that_there_is_no_room_for_is_left_out(folder: Path) -> None:
 def test_a_channel_that_is_held_within_its_rest_has_noise_to_tell_by() -> None:
     rng = np.random.default_rng(5)
     values = np.concatenate((np.zeros(300), 1e3 * np.linspace(0.0, 1.0, 300), 1e3 * np.ones(300)))
-    assert not [*run_faults(Channel("rod", "drive_force", values, 1e3, 300, 600), Limits())]
+    assert not [*run_faults(RawChannel("rod", "drive_force", values, 1e3, 300, 600), Limits())]
     values = values + rng.standard_normal(values.size)
     values[100:160] = values[100]
-    (fault,) = run_faults(Channel("rod", "drive_force", values, 1e3, 300, 600), Limits())
+    (fault,) = run_faults(RawChannel("rod", "drive_force", values, 1e3, 300, 600), Limits())
     assert fault.kind == "drop-out"
 
 

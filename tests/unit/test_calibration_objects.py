@@ -14,7 +14,7 @@ from turnout.calibration.objects import (
     object_lines,
     own_places,
     own_thicknesses,
-    place_name,
+    shift_name,
     thickness_name,
     thrown_object,
 )
@@ -29,8 +29,8 @@ def test_an_object_is_thrown_as_thick_and_where_it_truly_is() -> None:
         thickness_name(): 1e-3,
         thickness_name(0.013): -0.2e-3,
         thickness_name(0.010): 5e-3,  # of others
-        place_name(): 0.05,
-        place_name("sleeper 7"): 0.02,
+        shift_name(): 0.05,
+        shift_name("sleeper 7"): 0.02,
     }
     place, size = thrown_object(TRAPPED, values)
     assert size == pytest.approx(0.0138)
@@ -72,7 +72,7 @@ def test_what_the_run_sheet_says_wrongly_is_a_line() -> None:
         [
             found(thickness_name(), 1e-3),
             found(thickness_name(0.013), -3e-4),
-            found(place_name("sleeper 7"), -0.2),
+            found(shift_name("sleeper 7"), -0.2),
         ],
         leaves=2.0,
     )

@@ -32,12 +32,12 @@ def thickness_name(size: float = 0.0) -> str:
     return f"{_KIND}{1e3 * size:g}mm.{_THICKNESS}" if size > 0 else _KIND + _THICKNESS
 
 
-def place_name(place: str = "") -> str:
+def shift_name(place: str = "") -> str:
     """Return the name of how much further from the toe objects at a stated place, or all, are.
 
     Examples
     --------
-    >>> place_name("sleeper 7"), place_name()
+    >>> shift_name("sleeper 7"), shift_name()
     ('object.sleeper 7.place', 'object.place')
     """
     return f"{_KIND}{place}.{_PLACE}" if place else _KIND + _PLACE
@@ -59,7 +59,7 @@ def own_thicknesses(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
 def own_places(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
     """Return what each place of objects differs by from what all do [m]."""
     places = dict.fromkeys(item.place for item in movements if item.size > 0)
-    return [known_to(place_name(place), 0.0, PLACE, keys=()) for place in places]
+    return [known_to(shift_name(place), 0.0, PLACE, keys=()) for place in places]
 
 
 def is_of_object(parameter: Parameter | Fitted) -> bool:
@@ -74,8 +74,8 @@ def is_thickness(name: str) -> bool:
 
 def acts_on(parameter: Parameter, movement: MeasuredMovement) -> bool:
     """Return whether a parameter of objects is of the one that a movement trapped."""
-    own = (thickness_name(movement.size), place_name(movement.place))
-    return movement.size > 0 and parameter.name in (thickness_name(), place_name(), *own)
+    own = (thickness_name(movement.size), shift_name(movement.place))
+    return movement.size > 0 and parameter.name in (thickness_name(), shift_name(), *own)
 
 
 def object_change(movement: MeasuredMovement, values: Mapping[str, float]) -> tuple[float, float]:
@@ -89,7 +89,7 @@ def object_change(movement: MeasuredMovement, values: Mapping[str, float]) -> tu
         Of a fit, by name.
     """
     thicker = values.get(thickness_name(), 0.0) + values.get(thickness_name(movement.size), 0.0)
-    return thicker, values.get(place_name(), 0.0) + values.get(place_name(movement.place), 0.0)
+    return thicker, values.get(shift_name(), 0.0) + values.get(shift_name(movement.place), 0.0)
 
 
 def thrown_object(movement: MeasuredMovement, values: Mapping[str, float]) -> tuple[str, float]:

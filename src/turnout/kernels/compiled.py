@@ -204,14 +204,14 @@ def _make_ready(wanted: Sequence[Wanted]) -> None:
         missing = [(kernel, kinds) for kernel, kinds in wanted if kinds not in kernel.ready]
         missing = [(kernel, kinds) for kernel, kinds in missing if not kernel.load(kinds)]
         if missing:
-            from turnout.kernels.compiler import compile_kernels
+            from turnout.kernels.compiler import compiled_together
 
             names = [
                 kernel.identity(kinds) or f"{kernel.full_name}-{os.urandom(16).hex()}"
                 for kernel, kinds in missing
             ]
             parts = [(kernel.dispatcher, kinds) for kernel, kinds in missing]
-            code = compile_kernels(parts, names)
+            code = compiled_together(parts, names)
             for (kernel, kinds), name in zip(missing, names, strict=True):
                 kernel.take(code, name, kinds)
 

@@ -102,7 +102,7 @@ Parts = Sequence[tuple[Any, tuple[Kind, ...]]]
 """Dispatchers, each with the kinds of its arguments."""
 
 
-def compile_kernels(parts: Parts, names: Sequence[str]) -> MachineCode:
+def compiled_together(parts: Parts, names: Sequence[str]) -> MachineCode:
     """Return the machine code of kernels for this processor, their entries named."""
     return _codes(parts, names, [_this_machine()])[0]
 

@@ -133,7 +133,7 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
         raise FileError(message)
     separator, decimal, first_row, width = best
     above = _heading_rows(lines[:first_row], separator)
-    below = [cells_of(line, separator) for line in lines[first_row : first_row + MOST_ROWS]]
+    below = [split_line(line, separator) for line in lines[first_row : first_row + MOST_ROWS]]
     shows = any(decimal in cell and not is_stamp(cell) for cells in below for cell in cells)
     table = [cells for cells in below if len(cells) == width]
     try:
@@ -175,7 +175,7 @@ def _heading_cells(line: str, separator: str) -> list[str]:
 
     A separator may stand within the statement.
     """
-    cells = cells_of(line, separator)
+    cells = split_line(line, separator)
     if cells and separator == " " and (":" in line or "=" in line):
         return [line.strip()]
     first = cells[0] if cells else ""
@@ -188,7 +188,7 @@ def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
     for separator, marks in DECIMAL_MARKS.items():
         if best is not None and not any(separator in line for line in lines):
             continue
-        rows = [cells_of(line, separator) for line in lines]
+        rows = [split_line(line, separator) for line in lines]
         for decimal in marks:
             if decimal == "," and not any("," in cell for cells in rows for cell in cells):
                 continue
@@ -216,7 +216,7 @@ _SPACED = re.compile(r"[^\s\[(]\S*[ \t]+(?:\[[^\s\[\]]*\]|\([^\s()]*\))(?!\S)|\S
 """Cells between spaces; a unit in brackets belongs to the name before it."""
 
 
-def cells_of(line: str, separator: str) -> list[str]:
+def split_line(line: str, separator: str) -> list[str]:
     """Return the cells of a line."""
     if separator == " ":
         return _SPACED.findall(line)

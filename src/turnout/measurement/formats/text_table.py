@@ -16,7 +16,12 @@ from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.numbers import EMPTY, is_number
-from turnout.measurement.formats.text_dialect import SAMPLE_SIZE, TextLayout, cells_of, text_layout
+from turnout.measurement.formats.text_dialect import (
+    SAMPLE_SIZE,
+    TextLayout,
+    split_line,
+    text_layout,
+)
 from turnout.measurement.formats.time_axis import is_date, is_stamp
 from turnout.measurement.recording import Recording
 
@@ -150,7 +155,9 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
     """Leave out lines of statistics below the numbers; refuse a second table there."""
     layout = text.layout
     lines = text.body.rstrip("\n").split("\n")
-    probes = [cells_of(lines[len(lines) * part // 8], layout.separator) for part in range(1, 8, 2)]
+    probes = [
+        split_line(lines[len(lines) * part // 8], layout.separator) for part in range(1, 8, 2)
+    ]
     leading = next(
         (
             place
@@ -164,7 +171,7 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
     _refuse_second_table(text, leading)
     count = 0
     for line in lines[: -MOST_FOOTER - 2 : -1]:
-        cells = cells_of(line, layout.separator)
+        cells = split_line(line, layout.separator)
         cell = cells[leading] if len(cells) > leading else "".join(cells[:1])
         if cell and (not cell[0].isalpha() or _value(cell, layout.decimal)):
             break
@@ -174,7 +181,7 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
         first, count = first + 1, count - 1
     if not 0 < count <= MOST_FOOTER or first < 2:
         return text, []
-    shown = cells_of(lines[first], layout.separator)[0][:40]
+    shown = split_line(lines[first], layout.separator)[0][:40]
     what = "line below the table is" if count == 1 else "lines below it are"
     kept = replace(text, body="\n".join(lines[:first]) + "\n")
     return kept, [f"{count} {what} left out: '{shown}'"]
@@ -187,7 +194,7 @@ def _refuse_second_table(text: _Text, leading: int) -> None:
         return
     for row, line in enumerate(text.body.split("\n")):
         if row and names[0] in line:
-            cells = cells_of(line, text.layout.separator)
+            cells = split_line(line, text.layout.separator)
             cell = cells[leading] if len(cells) > leading else ""
             if cell.split(" (")[0].split(" [")[0] == names[0]:
                 message = (

@@ -169,7 +169,7 @@ LEAST_REST = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Channel:
+class RawChannel:
     """A measured channel of a throw.
 
     Attributes
@@ -216,7 +216,7 @@ def channel_faults(dataset: xr.Dataset, throw: FoundThrow, *, limits: Limits) ->
     return [f for channel in measured_channels(dataset, throw) for f in _faults(channel, limits)]
 
 
-def _faults(raw: Channel, limits: Limits) -> Iterator[Fault]:
+def _faults(raw: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Yield the faults of a channel; those that another one explains are not looked for."""
     if raw.key == "drive_force" and not np.isfinite(raw.values).any():
         yield Fault("dead channel", raw.name, "it was not recorded")
@@ -239,7 +239,7 @@ def _faults(raw: Channel, limits: Limits) -> Iterator[Fault]:
     yield from hum_faults(channel, limits)
 
 
-def measured_channels(dataset: xr.Dataset, throw: FoundThrow | None = None) -> Iterator[Channel]:
+def measured_channels(dataset: xr.Dataset, throw: FoundThrow | None = None) -> Iterator[RawChannel]:
     """Yield each measured channel; without a throw it has no beginning and end.
 
     Examples
@@ -263,10 +263,10 @@ def measured_channels(dataset: xr.Dataset, throw: FoundThrow | None = None) -> I
             own = "+" not in str(drive) if key == "drive_force" else not anything
             if not (own or np.isfinite(row.values).any()):
                 continue
-            yield Channel(f"{key} {drive}".rstrip(), key, row.values, rate, begin, finish)
+            yield RawChannel(f"{key} {drive}".rstrip(), key, row.values, rate, begin, finish)
 
 
-def hole_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
+def hole_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Find missing samples: one long hole, or many short ones."""
     missing = ~np.isfinite(channel.values)
     if not missing.any():
@@ -279,7 +279,7 @@ def hole_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     yield Fault("missing samples", channel.name, text, excludes=excludes)
 
 
-def spike_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
+def spike_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Find samples that stand alone, as a bad contact or a radio makes them.
 
     A rail that strikes an object makes a peak of a sample or two as well, so on a load cell a
@@ -297,13 +297,13 @@ def spike_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     yield Fault("spikes", channel.name, text, excludes=channel.key != "object_force")
 
 
-def quantisation_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
+def quantisation_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Find a converter with steps that are too large for its signal.
 
     Examples
     --------
     >>> coarse = 2000.0 * np.round(np.linspace(0.0, 3.0, 50))
-    >>> str(*quantisation_fault(Channel("drive_force 1", "drive_force", coarse, 1e3), Limits()))
+    >>> str(*quantisation_fault(RawChannel("drive_force 1", "drive_force", coarse, 1e3), Limits()))
     'quantisation of drive_force 1: it has steps of 2 kN, at most 50 N expected'
     """
     levels = np.unique(channel.values)
@@ -335,12 +335,12 @@ def in_words(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}"
 
 
-def unit_fault(channel: Channel) -> Iterator[Fault]:
+def unit_fault(channel: RawChannel) -> Iterator[Fault]:
     """Find a force that no rod carries, as with newtons taken for kilonewtons.
 
     Examples
     --------
-    >>> str(*unit_fault(Channel("drive_force 1", "drive_force", np.array([0.0, 7.2e6]), 1e3)))
+    >>> str(*unit_fault(RawChannel("drive_force 1", "drive_force", np.array([0.0, 7.2e6]), 1e3)))
     'unit of drive_force 1: up to 7200 kN, at most 200 kN are believed; check its unit'
     """
     largest = float(np.max(np.abs(channel.values), initial=0.0))
@@ -350,7 +350,7 @@ def unit_fault(channel: Channel) -> Iterator[Fault]:
         yield Fault("unit", channel.name, text)
 
 
-def dead_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
+def dead_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Find a channel that does not answer to a throw.
 
     A load cell is only remarked upon: an object that the rail does not reach is not squeezed.
@@ -368,7 +368,7 @@ def dead_fault(channel: Channel, limits: Limits) -> Iterator[Fault]:
     yield Fault("dead channel", channel.name, text, excludes=channel.key != "object_force")
 
 
-def run_faults(channel: Channel, limits: Limits) -> Iterator[Fault]:
+def run_faults(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Find samples held at one value: at the edge of the range it is clipping, else a drop-out.
 
     A channel whose samples repeat at rest and after the throw has no noise to judge by, nor has one
@@ -434,7 +434,7 @@ def repeated_share(values: Floats, begin: int, finish: int) -> float:
     return min(shares)
 
 
-def hum_faults(channel: Channel, limits: Limits) -> Iterator[Fault]:
+def hum_faults(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """Find a steady line of the mains whose amplitude is above its limit, after the inrush.
 
     A load cell that is struck rings at a few tens of hertz and dies away; mains do not.
