@@ -188,8 +188,7 @@ def test_memory_that_runs_out_is_one_message(
     def exhausted(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("turnout.cli.panel.opened_panel", exhausted)
-    monkeypatch.setattr("turnout.cli.options.opened_panel", exhausted)
+    monkeypatch.setattr("turnout.cli.options.PanelOptions.opened", exhausted)
     monkeypatch.setattr(sys, "argv", ["turnout", "panel", "check", "sb1"])
     with pytest.raises(SystemExit) as caught:
         main()

@@ -253,7 +253,10 @@ def test_a_return_that_does_not_converge_names_the_remedy(
 
 
 def test_ctrl_c_during_the_return_interrupts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(start, "_call_march", lambda motion, last: (4, 0))
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(start, "_call_march", interrupted)
     start.clear_starts()
     with pytest.raises(KeyboardInterrupt):
         simulate(dry(0.4), mode="quick")
