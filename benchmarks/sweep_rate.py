@@ -1,10 +1,11 @@
 """Measure throws of quick sweeps against older checkouts, for docs/evidence/performance.md.
 
     python -m benchmarks.sweep_rate OLDER ... [--batches 4] [--only million] [--note TEXT]
-    python -m benchmarks.sweep_rate --kinds [OLDER ...] [--panel NAME ...] [--batches 4]
+    python -m benchmarks.sweep_rate --kinds [--panel NAME ...] [--batches 4]
 
-The second form throws studies in which one kind of variable or another varies, and gives the ratio
-of their time to that of `million.toml` by the same code on the same panel, in turns of one run.
+The second form throws, by the present code, studies in which one kind of variable or another
+varies, and gives the ratio of their time to that of `million.toml` on the same panel, in turns of
+one run.
 
 OLDER is the folder of another checkout, such as one made by `git worktree add --detach OLDER main`.
 Each code runs in a process of one thread that stays; all throw the same scenarios, a batch each in
@@ -39,9 +40,8 @@ STUDIES = {
     "stiffness, slip, friction field, object size and place": ROOT / "benchmarks" / "million.toml",
     "population of sound switches": "detection-reference",
 }
-WARM, WARM_KINDS, BATCH, FEATURES = 256, 128, 128, 1024
-"""Throws that are not counted, of one study and of each of many kinds; throws in turn, and in a
-batch of features alone."""
+WARM, BATCH, FEATURES = 256, 128, 1024
+"""Throws that are not counted, throws in turn, and in a batch of features alone."""
 PLANNED = 100_000_000
 CORES = (2, 16, 128)
 
@@ -161,13 +161,13 @@ def measured(sources: Sequence[Path], study: str, *, batches: int) -> list[dict[
 
 PANELS = ("uic60-760-1-15", "sb2", "60e1-300-1-9")
 KINDS = (
-    *("none", "friction", "stiffness", "million", "place", "section", "population", "machines"),
+    *("friction", "stiffness", "million", "place", "section", "population", "machines"),
     "population and place",
 )
-"""Variables: one with a single value; friction of chairs alone; stiffness and slip level of drives;
-all of `million.toml`; this with objects between the places of a panel, or with sections of the
-switch rails; the population of sound switches; friction and objects with machines for drives; the
-population with objects."""
+"""Variables: friction of chairs alone; stiffness and slip level of drives; all of `million.toml`;
+this with objects between the places of a panel, or with sections of the switch rails; the
+population of sound switches; friction and objects with machines for drives; the population with
+objects."""
 _SECTION = {"distribution": "uniform", "minimum": 0.9, "maximum": 1.1}
 
 
@@ -203,9 +203,7 @@ def kind_of_study(kind: str, panel: str, folder: Path) -> tuple[str, str]:
         drive = [v for v in study["variable"] if v["key"].split(".")[1] in loaded.drive]
         at = [item for item in own if item["key"] != "object.at"]
         section = [{"key": f"rail.{name}_scale", **_SECTION} for name in SCALES]
-        alone = {"key": "chair.friction_coefficient", "distribution": "choice", "values": [0.25]}
         study["variable"] = {
-            "none": [alone],
             "friction": [item for item in own if item["key"].startswith("chair")],
             "stiffness": drive,
             "million": own + drive,
@@ -213,7 +211,7 @@ def kind_of_study(kind: str, panel: str, folder: Path) -> tuple[str, str]:
             "section": own + drive + section,
             "machines": own,
         }[kind]
-        if kind in ("none", "stiffness"):
+        if kind == "stiffness":
             study["field"] = []
         if kind == "machines":
             machines = ("jea73", "jea73-drive2")
@@ -227,80 +225,56 @@ def kind_of_study(kind: str, panel: str, folder: Path) -> tuple[str, str]:
 SCALES = ("section", "lateral_inertia")
 
 
-def measured_kinds(
-    sources: Sequence[Path], panel: str, *, batches: int
-) -> list[dict[str, dict[str, float]]]:
-    """Throw all kinds of studies of a panel with several codes in turn.
-
-    Returns
-    -------
-    list of dict
-        For each code by kind: seconds a throw, and `ratio` to the million.
-    """
+def measured_kinds(panel: str, *, batches: int) -> dict[str, dict[str, float]]:
+    """Throw all kinds of studies of a panel in turn; seconds a throw and `ratio` to the million."""
     with TemporaryDirectory() as folder:
         throwers = {
-            (number, kind): Thrower(source, *kind_of_study(kind, panel, Path(folder)))
-            for number, source in enumerate(sources)
-            for kind in KINDS
+            kind: Thrower(ROOT, *kind_of_study(kind, panel, Path(folder))) for kind in KINDS
         }
         for thrower in throwers.values():
-            thrower.throw(0, WARM_KINDS)
+            thrower.throw(0, WARM)
         turns = []
         for number in range(batches):
             first = WARM + 2 * number * BATCH
-            there = {key: thrower.throw(first, BATCH) for key, thrower in throwers.items()}
+            there = {kind: thrower.throw(first, BATCH) for kind, thrower in throwers.items()}
             back = {
-                key: thrower.throw(first + BATCH, BATCH)
-                for key, thrower in reversed(throwers.items())
+                kind: thrower.throw(first + BATCH, BATCH)
+                for kind, thrower in reversed(throwers.items())
             }
-            turns.append({key: _mean((there[key], back[key])) for key in throwers})
-            times = {key: f"{1e3 * item['all']:.2f} ms" for key, item in turns[-1].items()}
+            turns.append({kind: _mean((there[kind], back[kind])) for kind in KINDS})
+            times = {kind: f"{1e3 * item['all']:.2f} ms" for kind, item in turns[-1].items()}
             print(panel, times, flush=True)
         for thrower in throwers.values():
             thrower.end()
-    found: list[dict[str, dict[str, float]]] = [{} for _ in sources]
-    for number, kind in throwers:
-        own, base = (
-            [turn[number, kind] for turn in turns],
-            [turn[number, "million"] for turn in turns],
-        )
-        found[number][kind] = {
-            "all": statistics.median(item["all"] for item in own),
-            "solver": statistics.median(item["solver"] for item in own),
-            "ratio": statistics.median(
-                item["all"] / other["all"] for item, other in zip(own, base, strict=True)
-            ),
-        }
+    found = {}
+    for kind in KINDS:
+        time = statistics.median(turn[kind]["all"] for turn in turns)
+        ratio = statistics.median(turn[kind]["all"] / turn["million"]["all"] for turn in turns)
+        solver = statistics.median(turn[kind]["solver"] for turn in turns)
+        found[kind] = {"all": time, "ratio": ratio, "solver": solver}
     return found
 
 
-def section_of_kinds(
-    found: dict[str, list[dict[str, dict[str, float]]]], names: Sequence[str]
-) -> str:
-    """Return the section of all kinds of variables, by panel; `names` are those of the codes."""
-    rows = []
-    for panel, codes in found.items():
-        for kind in KINDS:
-            item = codes[-1][kind]
-            ratios = " | ".join(f"{of_code[kind]['ratio']:.2f}" for of_code in codes)
-            rows.append(
-                f"| {panel} | {kind} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
-                f"{ratios} |"
-            )
-    heads = " | ".join([*(f"ratio by {name}" for name in names[:-1]), "ratio to the million"])
+def section_of_kinds(found: dict[str, dict[str, dict[str, float]]]) -> str:
+    """Return the section of all kinds of variables, by panel."""
+    rows = [
+        f"| {panel} | {kind} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
+        f"{item['ratio']:.2f} |"
+        for panel, kinds in found.items()
+        for kind, item in kinds.items()
+    ]
     return "\n".join(
         [
             f"Written by `python -m benchmarks.sweep_rate --kinds` on {machine()}, at a",
             f"load of {load():.1f}. Processor time of one thread a throw in mode quick, batches",
-            "made and compressed; studies of one panel in turns; the ratio is their median, to the",
-            "million by the same code.",
+            "made and compressed; studies of one panel in turns; the ratio is their median.",
             "Half of a throw of the million are its steps, which no variable changes much. Places",
-            "between nodes add a row to rails that are condensed; sections have modes,",
-            "flexibilities and gaps of their own, taken from surfaces; machines are stepped beside",
-            "their rails, for longer where the schedule waits for them.",
+            "between nodes add a row to rails that are condensed; sections and fastenings have",
+            "modes, flexibilities and gaps of their own; machines are stepped beside their rails,",
+            "for longer where the schedule waits for them.",
             "",
-            f"| panel | variables | a throw [ms] | thereof solver [ms] | {heads} |",
-            "|---|---|---:|---:|" + "---:|" * len(names),
+            "| panel | variables | a throw [ms] | thereof solver [ms] | ratio to the million |",
+            "|---|---|---:|---:|---:|",
             *rows,
             "",
         ]
@@ -371,18 +345,18 @@ def main() -> None:
     parser.add_argument("--only", default="", help="measure the study of this name alone")
     parser.add_argument("--note", default="", help="what else differs between the codes")
     chosen = parser.parse_args()
-    sources = [*(older.absolute() for older in chosen.older), ROOT]
-    names = [*(revision(source) for source in sources[:-1]), "present"]
     if chosen.kinds:
         panels = chosen.panel or PANELS
-        kinds = {name: measured_kinds(sources, name, batches=chosen.batches) for name in panels}
-        write_section("Rate by what varies", section_of_kinds(kinds, names))
+        kinds = {name: measured_kinds(name, batches=chosen.batches) for name in panels}
+        write_section("Rate by what varies", section_of_kinds(kinds))
         return
+    sources = [*(older.absolute() for older in chosen.older), ROOT]
     found = {
         what: measured(sources, str(study), batches=chosen.batches)
         for what, study in STUDIES.items()
         if chosen.only in str(study)
     }
+    names = [*(revision(source) for source in sources[:-1]), "present"]
     write_section("Rate of quick sweeps", section(found, names, note=chosen.note))
 
 

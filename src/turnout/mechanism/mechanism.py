@@ -17,7 +17,7 @@ from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
 from turnout.machine.components import Machine
-from turnout.panel.profile import interpolated
+from turnout.panel.profile import Spline
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
@@ -132,9 +132,8 @@ class Mechanism:
     ----------
     matrices : Matrices or JoinedRails
         Of the bodies; `stiffness`, `mass`, `damping` and `load` are its.
-    core : ndarray, shape (n, n_coordinates)
-        Generalised displacement of each row but those of foreign objects, shared by mechanisms
-        whose objects stand elsewhere.
+    rows : ndarray, shape (n_rows, n)
+        Generalised displacement of each row.
     laws : LawTable
         All laws, addressing rows by index.
     law_names, friction_names : tuple of str
@@ -147,8 +146,9 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         Machines that move the inputs of drives without markers.
-    object_rows : ndarray, optional
-        Rows of foreign objects, which come last, as their laws do.
+    core : ndarray, optional
+        The rows without those of foreign objects, which come last, shared by mechanisms whose
+        objects stand elsewhere; their laws come last too.
     obstructions : Obstructions
         Laws that remember what was done to them.
     courses : FrictionCourses
@@ -158,7 +158,7 @@ class Mechanism:
     """
 
     matrices: Matrices | JoinedRails
-    core: Floats
+    rows: Floats
     laws: LawTable
     law_names: tuple[str, ...] = ()
     friction_names: tuple[str, ...] = ()
@@ -168,18 +168,8 @@ class Mechanism:
     machines: "DriveMachines | None" = None
     obstructions: Obstructions = field(default_factory=no_obstructions)
     courses: FrictionCourses = field(default_factory=no_courses)
-    object_rows: Floats | None = None
+    core: Floats | None = None
     nominal: "Mechanism | None" = None
-
-    @property
-    def rows(self) -> Floats:
-        """All rows, put together when they are asked for."""
-        return self.core if self.object_rows is None else np.vstack((self.core, self.object_rows))
-
-    @property
-    def n_rows(self) -> int:
-        """Number of all rows."""
-        return len(self.core) + (0 if self.object_rows is None else len(self.object_rows))
 
     @property
     def stiffness(self) -> Floats:
@@ -213,18 +203,16 @@ class RailShape:
 
     Attributes
     ----------
-    x : ndarray, shape (n,)
-        Nodes of the rail [m].
-    travel : ndarray, shape (n,)
-        Distance between the two positions at contact height there [m].
+    travel : Spline
+        Distance between the two positions at contact height, over x [m].
     """
 
-    x: Floats
-    travel: Floats
+    travel: Spline
 
     def travel_at(self, x: Floats) -> Floats:
         """Return the way at places [m]; beyond the ends of the rail it is held."""
-        return interpolated(self.x, self.travel, x)
+        knots = self.travel.knots
+        return self.travel(np.clip(x, knots[0], knots[-1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

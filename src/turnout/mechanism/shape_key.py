@@ -7,7 +7,6 @@ be without influence counts, so that a new field of a panel can cost time but ne
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from operator import attrgetter
 
 from turnout.panel.foreign_object import PlacedObject
@@ -116,30 +115,9 @@ def _mean_ratio(
 def variation_of(panel: Panel) -> Variation:
     """Return the values of a panel that change the matrices of its rails alone."""
     rails = [*panel.rail.values(), *panel.stock_rail.values()]
-    if isinstance(panel, LoadedPanel):
-        return Variation(tuple(map(_scales_of, rails)), panel.followed(_HOLDING, _held))
-    return Variation(tuple(map(_scales_of, rails)), _held(panel))
-
-
-_HOLDING = frozenset((family, f) for family in ("fastening", "stock_fastening") for f in _HOLDS)
-
-
-class _Holds(tuple[tuple[tuple[float, ...], ...], ...]):
-    """Values of hundreds of fastenings, which panels share, with their hash."""
-
-    @cached_property
-    def _hash(self) -> int:
-        return super().__hash__()
-
-    def __hash__(self) -> int:
-        """Return the hash, found once."""
-        return self._hash
-
-
-def _held(panel: Panel) -> _Holds:
-    """Return stiffness and damping of all fastenings, as `Variation.holds`."""
     fastenings = (panel.fastening, panel.stock_fastening)
-    return _Holds(tuple(map(_holds_of, family.values())) for family in fastenings)
+    holds = tuple(tuple(map(_holds_of, family.values())) for family in fastenings)
+    return Variation(tuple(map(_scales_of, rails)), holds)
 
 
 def shape_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Hashable:

@@ -25,7 +25,7 @@ from turnout.mechanism.mechanism import Matrices, RailShape, ReducedRail
 from turnout.mechanism.varied_rails import VariedRail
 from turnout.panel.model import Panel
 from turnout.panel.place import SAME_PLACE
-from turnout.panel.profile import contact_height, evaluate_profile, stock_rail_gap
+from turnout.panel.profile import contact_height, cubic_spline, evaluate_profile, stock_rail_gap
 from turnout.panel.records import Drive
 
 Floats = NDArray[np.float64]
@@ -90,6 +90,8 @@ def rail_travel(
     panel: Panel,
     rails: Mapping[str, ReducedRail],
     rows: Mapping[str, RailRows],
+    *,
+    nominal: Travel | None = None,
 ) -> Travel:
     """Find the way of all rails from their closed to their open positions.
 
@@ -112,9 +114,8 @@ def rail_travel(
     driven = {name for name in rails if rows[name].drives}
     for name in sorted(rails, key=lambda rail: rail not in driven):
         moved, way = _moved(panel, name, rails[name], rows[name], link_ends)
-        x = rails[name].body.x
-        travel = way[UY::PER_NODE] - contact_height(panel, name, x) * way[RX::PER_NODE]
-        shapes[name] = RailShape(x, travel)
+        like = None if nominal is None else nominal.shapes[name]
+        shapes[name] = _shape(panel, name, rails[name].body.x, way, like)
         for link, row in rows[name].links.items():
             link_ends[link, name] = float(row @ moved)
     return Travel(shapes, link_ends)
@@ -211,6 +212,13 @@ def drive_at(panel: Panel, x: float) -> Drive | None:
         if abs(drive.x - x) < SAME_PLACE:
             return drive
     return None
+
+
+def _shape(panel: Panel, name: str, x: Floats, way: Floats, like: RailShape | None) -> RailShape:
+    travel = way[UY::PER_NODE] - contact_height(panel, name, x) * way[RX::PER_NODE]
+    if like is not None:
+        return RailShape(like.travel.through(travel))
+    return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
 
 
 # Named by identity: throws that differ in laws share their shapes.

@@ -176,7 +176,7 @@ def check(draft: Draft, *, only: Iterable[str] | None = None) -> list[Problem]:
 def checks_that_read(
     changed: Set[Field], records: Mapping[str, Any], given: Mapping[str, object]
 ) -> tuple[str, ...]:
-    """Return the names of the checks of a valid panel that read changed values, in their order.
+    """Return the names of the checks of a valid panel that read what changes, in their order.
 
     Parameters
     ----------

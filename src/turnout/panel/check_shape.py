@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from turnout.core.keys import Path
+from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem
 from turnout.panel.check_rails import check_drive_table, check_profile, unknown_name
 from turnout.panel.place import SAME_PLACE
@@ -161,14 +162,23 @@ def pressed_home(records: Mapping[str, Any], name: str) -> Iterator[tuple[str, s
         yield rail_name, _REACHES[0] if rail.closes == "+y" else _REACHES[1], fit
 
 
+_gaps = LRUCache[tuple[float | None, object]](256)
+"""Profiles at places, by their identity and the place; None for a faulty one."""
+
+
 def _fit_at(rail: Rail, drive: Drive) -> float | None:
     """Return the gap that a closed rail leaves at a drive before it is pressed home [m]."""
     shape = rail.fit_gap if rail.fit_gap is not None else rail.stock_rail_gap
     if shape is None:
         return None
-    if any(check_profile((), shape)):
+    kept = _gaps.get((id(shape), drive.x))
+    if kept is None:
+        faulty = any(check_profile((), shape))
+        gap = None if faulty else float(evaluate_profile(shape, [drive.x])[0])
+        kept = _gaps.put((id(shape), drive.x), (gap, shape))
+    gap = kept[0]
+    if gap is None:
         return None
-    gap = float(evaluate_profile(shape, [drive.x])[0])
     return gap if rail.fit_gap is not None else gap - rail.fraction * drive.stroke
 
 

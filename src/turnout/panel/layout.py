@@ -62,11 +62,13 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
 
 def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     record = panel.rail[rail]
+    gap = estimated_unloaded_gap(panel, rail, [x])
+    if gap is None:
+        return None
     side = 1.0 if record.closes == "+y" else -1.0
     to = [None, *(item.to for _, item in ordered_movements(panel))]
-    travel, *states = _displaced(panel, rail, [x], to)
-    gap = _unloaded_gap(panel, rail, np.array([x]), travel)
-    return None if gap is None else max(0.0, float(np.max(gap - side * np.array(states))))
+    states = _displaced(panel, rail, [x], to)[:, 0]
+    return max(0.0, float(np.max(gap[0] - side * states)))
 
 
 def estimated_unloaded_gap(panel: Panel, rail: str, x: npt.ArrayLike) -> FloatArray | None:
@@ -75,16 +77,16 @@ def estimated_unloaded_gap(panel: Panel, rail: str, x: npt.ArrayLike) -> FloatAr
     As typed; where the shape is computed it is estimated like everything here, and
     `turnout.mechanism.travel` has it exactly. None where the rail has no stock rail.
     """
-    places = np.asarray(x, dtype=np.float64)
-    return _unloaded_gap(panel, rail, places, _displaced(panel, rail, places, [])[0])
-
-
-def _unloaded_gap(panel: Panel, rail: str, x: FloatArray, travel: FloatArray) -> FloatArray | None:
-    """Return the same with the way of the rail from closed to open, shape (n,) [m]."""
     record = panel.rail[rail]
     if record.fit_gap is None:
         return stock_rail_gap(record, x)
-    return evaluate_profile(record.fit_gap, x) + record.fraction * travel
+    places = np.asarray(x, dtype=np.float64)
+    gap = evaluate_profile(record.fit_gap, places)
+    strokes = {drive.x: [drive.stroke] for drive in _moving(panel, rail)}
+    if strokes:
+        travel = _beam_shapes(strokes, _held_at(panel, rail, max(strokes)), places)[0]
+        gap = gap + record.fraction * travel
+    return gap
 
 
 def _moving(panel: Panel, rail: str) -> list[Drive]:
@@ -111,23 +113,19 @@ def estimated_displacement(
     to : str or None
         Position of the instrumented rail, "open" or "closed"; None for the start.
     """
-    at_places: FloatArray = _displaced(panel, rail, x, [to])[1]
+    at_places: FloatArray = _displaced(panel, rail, x, [to])[0]
     return at_places
 
 
 def _displaced(panel: Panel, rail: str, x: npt.ArrayLike, to: Sequence[str | None]) -> FloatArray:
-    """Estimate the way from closed to open, then displacements for several positions at once.
-
-    Shape (1 + n_positions, n).
-    """
+    """Estimate displacements for several positions at once, shape (n_positions, n)."""
     x = np.asarray(x, dtype=np.float64)
     drives = _moving(panel, rail)
     if not drives:
-        return np.zeros((1 + len(to), x.size))
+        return np.zeros((len(to), x.size))
     starts = panel.schedule.starts
     places = {
-        drive.x: [drive.stroke]
-        + [
+        drive.x: [
             start_offset(panel, rail, drive.stroke)
             + (marker_level(drive, item, starts=starts) if item else 0.0)
             for item in to

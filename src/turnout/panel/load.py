@@ -3,11 +3,11 @@
 One direction: file, document, overrides, records, checks, panel.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 from pydantic import BaseModel, PrivateAttr
 
@@ -124,7 +124,7 @@ class _PendingDocument:
 
 
 class _Own:
-    """Results for one panel: its compiled keys, and values derived from its parts.
+    """Results that belong to one panel: its keys compiled, and hashes of parts of it.
 
     A copy of the panel has none, and makes its own.
     """
@@ -132,7 +132,6 @@ class _Own:
     def __init__(self) -> None:
         self.compiled: dict[tuple[str, ...], CompiledKeys | None] = {}
         self.digests: dict[frozenset[tuple[str, str]], str] = {}
-        self.followed: dict[Callable[[Panel], Any], Any] = {}
 
     def __deepcopy__(self, memo: object) -> "_Own":
         return _Own()
@@ -141,7 +140,6 @@ class _Own:
         return _Own, ()
 
 
-Followed = TypeVar("Followed")
 MOST_COMPILED = 16
 """Sets of keys that a panel has compiled; another one makes room for itself."""
 
@@ -338,28 +336,6 @@ class LoadedPanel(Panel):
             matrices = {f"matrices of {name}": m.digest for name, m in self.matrices.items()}
             known[fields] = content_hash(values | matrices)
         return known[fields]
-
-    def followed(
-        self, fields: frozenset[tuple[str, str]], make: Callable[[Panel], Followed]
-    ) -> Followed:
-        """Return a value derived from some fields of families alone.
-
-        Panels that were made from one by changing others share it.
-
-        Parameters
-        ----------
-        fields : frozenset of (str, str)
-            All that `make` reads.
-        make : callable
-            Takes a panel.
-        """
-        if self._base is not None and self._differs.isdisjoint(fields):
-            return self._base.followed(fields, make)
-        known = self._own.followed
-        if make not in known:
-            known[make] = make(self)
-        found: Followed = known[make]
-        return found
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy, which knows nothing of the panel that it was made from."""

@@ -62,6 +62,10 @@ class Spline:
         found = found + h * s * rest * (rest * self.slopes[at] - s * self.slopes[at + 1])
         return found
 
+    def through(self, values: FloatArray) -> "Spline":
+        """Return the not-a-knot spline through other values, shape (n,), at the same knots."""
+        return Spline(self.knots, values, _slope_operator(self.knots.tobytes()) @ values)
+
 
 def cubic_spline(knots: Sequence[float], values: npt.ArrayLike, *, ends: tuple[str, str]) -> Spline:
     """Return the cubic spline through some points.
@@ -98,38 +102,11 @@ def cubic_spline(knots: Sequence[float], values: npt.ArrayLike, *, ends: tuple[s
     return Spline(x, y, np.asarray(solved, dtype=np.float64).reshape(y.shape))
 
 
-def interpolated(knots: FloatArray, values: FloatArray, x: FloatArray) -> FloatArray:
-    """Return the not-a-knot spline through some points, held constant beyond them.
-
-    Parameters
-    ----------
-    knots, values : ndarray, shape (n,)
-        Knots rise; at least three.
-    x : ndarray, shape (...)
-        Places.
-
-    Examples
-    --------
-    >>> knots = np.array([0.0, 1.0, 2.0, 3.0])
-    >>> interpolated(knots, knots**3, np.array([2.5, 4.0])).round(9).tolist()
-    [15.625, 27.0]
-    """
-    found: FloatArray = _spline_weights(knots.tobytes(), x.tobytes()) @ values
-    return found.reshape(x.shape)
-
-
-@lru_cache(maxsize=256)
-def _spline_weights(knots: bytes, places: bytes) -> FloatArray:
-    """Return the weights of the values at some knots in their spline at some places."""
-    spline = _unit_splines(knots)
-    return spline(np.clip(np.frombuffer(places), spline.knots[0], spline.knots[-1]))
-
-
 @lru_cache(maxsize=32)
-def _unit_splines(knots: bytes) -> Spline:
-    """Return the splines with a value of one at one of the knots each."""
-    at = np.frombuffer(knots)
-    return cubic_spline(at.tolist(), np.eye(at.size), ends=("not-a-knot", "not-a-knot"))
+def _slope_operator(knots: bytes) -> FloatArray:
+    """Return the matrix that takes values to the slopes of their not-a-knot spline."""
+    x = np.frombuffer(knots)
+    return cubic_spline(x.tolist(), np.eye(x.size), ends=("not-a-knot", "not-a-knot")).slopes
 
 
 @lru_cache(maxsize=32)
@@ -185,10 +162,17 @@ def evaluate_profile(profile: float | Profile, x: npt.ArrayLike) -> FloatArray:
     position = np.asarray(x, dtype=np.float64)
     if not isinstance(profile, Profile):
         return np.full(position.shape, profile, dtype=np.float64)
-    stations, values = (np.array(part, dtype=np.float64) for part in (profile.x, profile.value))
-    if profile.interpolation == "linear" or stations.size < 3:
+    stations, values = tuple(profile.x), tuple(profile.value)
+    if profile.interpolation == "linear" or len(stations) < 3:
         return np.asarray(np.interp(position, stations, values), dtype=np.float64)
-    return interpolated(stations, values, position)
+    held = np.clip(position, stations[0], stations[-1])
+    return np.asarray(_spline(stations, values)(held), dtype=np.float64)
+
+
+@lru_cache(maxsize=64)
+def _spline(stations: tuple[float, ...], values: tuple[float, ...]) -> Spline:
+    """Return the spline of a table; a throw asks for its value at every stop and object."""
+    return cubic_spline(stations, values, ends=("not-a-knot", "not-a-knot"))
 
 
 def stock_rail_gap(rail: Rail, x: npt.ArrayLike) -> FloatArray | None:

@@ -191,7 +191,7 @@ def _smooth_model(
     model = model_of(
         low[:count],
         flexibility,
-        eigenvalues=np.linalg.eigvalsh(stiffness).astype(np.float64),
+        eigenvalues=eigh(stiffness, eigvals_only=True),
         stiffness=stiffness,
         damping=damping,
         load=weight * low[count],

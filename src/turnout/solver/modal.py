@@ -357,7 +357,7 @@ def diagonalise_damping(model: ModalModel) -> ModalModel:
     if np.any(
         np.abs(model.damping - np.diag(of_shapes)) > 1e-13 * np.abs(of_shapes).max(initial=0)
     ):
-        of_shapes, turn = np.linalg.eigh(model.damping)
+        of_shapes, turn = eigh(model.damping, check_finite=True)
     if np.min(of_shapes, initial=0.0) < -NEGATIVE * np.abs(of_shapes).max(initial=0.0):
         msg = (
             "the damping matrix of a rail is not positive semidefinite, it would add energy; "

@@ -119,8 +119,7 @@ class StepRecord(NamedTuple):
     cached: Ints = np.zeros(1, dtype=np.int64)
 
 
-# Rails with their objects and rows of laws are shared by many throws; rails that vary share all but
-# the displacements under the constant load.
+# Rails with their objects and rows of laws are shared by many throws.
 _weights = LRUCache[tuple[SeenWeights, object]](128)  # some 10 kB each
 
 
@@ -136,14 +135,13 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights
     row_place : ndarray of int, shape (n_rows,)
         Place of each row in the vector of displacements.
     """
-    parts, places = (seen.stored, seen.modes, seen.shapes), row_place.tobytes()
+    parts, places = (seen.stored, seen.modes, seen.shapes, seen.load), row_place.tobytes()
     key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places)
-    width = int(whole_lines(seen.load.size))
-    seen_load = np.zeros(width)
-    seen_load[: seen.load.size] = seen.load
     kept = _weights.get(key)
     if kept is not None:
-        return kept[0]._replace(seen_load=seen_load)
+        return kept[0]
+    count = seen.load.size
+    width = int(whole_lines(count))
     stored, mode, law, friction = (
         _listed(weights, width)
         for weights in (
@@ -154,7 +152,7 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights
         )
     )
     made = SeenWeights(
-        seen_load,
+        np.pad(seen.load, (0, width - count)),
         as_unsigned(row_place[stored[0]].astype(np.int64)),
         stored[1],
         *mode,

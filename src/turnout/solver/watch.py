@@ -209,7 +209,7 @@ def watched_record(
     arrays["seen"] = empty_in_lines(plan.counts[1] + plan.further, weights.seen_load.size)
     shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
     shared["places"] = plan.places
-    key = (id(weights.stored_rows), id(weights.law_rows), plan.counts, *plan.watch.laws)
+    key = (id(weights), plan.counts, tuple(plan.watch.laws))
     kept = _templates.get(key)
     if kept is None:
         nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
@@ -217,15 +217,13 @@ def watched_record(
             **nothing,
             **weights._asdict(),
             residual=np.zeros(1),
-            places=np.zeros((0, 3), dtype=np.int64),
+            places=plan.places,
             given=np.array(plan.counts),
             watched=np.asarray(plan.watch.laws, dtype=np.int64),
             picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
         )
         kept = _templates.put(key, (shared_record(template), weights))
-    record = clone_record(kept[0], **arrays, **shared)
-    record.seen_load[:] = weights.seen_load
-    return record
+    return clone_record(kept[0], **arrays, **shared)
 
 
 def trim_watched(

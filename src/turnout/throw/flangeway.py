@@ -210,35 +210,35 @@ def _distances_directly(
     """Return the least of each distance by the displacements of its rails at the ends."""
     history, blocks = motion.history, motion.condensed.parts
     first = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
-    instants = [at for _, at in ends]
-    laws, size = history.laws, motion.slope.size
-    force = motion.slope * history.g[instants]
-    for row, at in zip(force, instants, strict=True):
-        row -= np.bincount(laws.row, history.law_force[at], size)
-        row -= np.bincount(laws.friction_row, history.friction_force[at], size)
-    modal, moved = history.q[instants], dict[str, Floats]()
+    moved = dict[tuple[str, int], Floats]()
 
-    def displaced(body: RailBody, end: int) -> Floats:
-        """Return the reduced coordinates of a rail at an end."""
-        found = moved.get(body.name)
-        if found is None:
+    def displaced(body: RailBody, at: int) -> Floats:
+        """Return the reduced coordinates of a rail at an instant."""
+        if (body.name, at) not in moved:
             number, own = block_of(blocks, body)
             part, place = blocks[number], slice(own, own + body.count)
-            of_modes = modal[:, first[number] : first[number + 1]] @ part.model.modes[place].T
-            of_rows = force[:, part.block.rows] @ part.model.residual_shapes[place].T
-            found = moved[body.name] = of_modes + of_rows + part.model.residual_load[place]
-        return np.asarray(found[end])
+            force = motion.slope * history.g[at]
+            np.subtract.at(force, history.laws.row, history.law_force[at])
+            np.subtract.at(force, history.laws.friction_row, history.friction_force[at])
+            modal = history.q[at, first[number] : first[number + 1]]
+            model = part.model
+            moved[body.name, at] = (
+                model.modes[place] @ modal
+                + model.residual_shapes[place] @ force[part.block.rows]
+                + model.residual_load[place]
+            )
+        return moved[body.name, at]
 
     found = dict[str, LeastDistance]()
     for distance in of:
-        for end, (throw, _) in enumerate(ends):
+        for throw, at in ends:
             name = distance.rail(panel, throw.to)
             if name is None:
                 continue
             x = motion.rails[name].x
             along, parts = distance.along(panel, motion, name, x)
             for body, rows in parts:
-                along = along - rows @ displaced(body, end)
+                along = along - rows @ displaced(body, at)
             place = int(along.argmin())
             if distance.name not in found or along[place] < found[distance.name].width:
                 width = float(along[place])

@@ -1,7 +1,6 @@
 """Open distances between switch rails and stock rails."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -42,8 +41,7 @@ GapPlace = tuple[str, Floats, Floats]
 # Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
 # that nothing else takes its place.
 _rows = LRUCache[tuple[list[Floats], list[object]]](64)
-_watched = LRUCache[tuple[SeenRows, RowTerms]](128)
-_together = LRUCache[tuple[RowTerms, list[RowTerms]]](128)
+_watched = LRUCache[tuple[SeenRows, list[object]]](128)
 _heights = LRUCache[tuple[list[Floats], list[object]]](64)
 _places = LRUCache[tuple[list[GapPlace], list[object]]](64)
 
@@ -233,14 +231,20 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
     """Return the argument of `Watch` for the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
+    named = [mechanism.shapes, mechanism.rows, panel.rail, panel.stock_rail]
+    at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
+
     def seen(condensed: CondensedRails) -> SeenRows:
-        start, less = _seen_together(panel, condensed_shapes(mechanism, condensed), places)
-        kept = _watched.get(id(less))
+        key = (*at, *map(id, named), id(condensed))
+        kept = _watched.get(key)
         if kept is None:
+            shapes = condensed_shapes(mechanism, condensed)
+            start, less = _seen_together(panel, shapes, places)
             stored = np.zeros(less.shapes.shape) if less.stored is None else less.stored
-            negated = SeenRows(*map(_frozen, (-stored, -less.modes, -less.shapes, -less.load)))
-            kept = _watched.put(id(less), (negated, less))
-        return replace(kept[0], load=start + kept[0].load)
+            parts = (-stored, -less.modes, -less.shapes, start - less.load)
+            made = SeenRows(*(_frozen(part) for part in parts))
+            kept = _watched.put(key, (made, [condensed, *named]))
+        return kept[0]
 
     return seen
 
@@ -249,19 +253,18 @@ def _seen_together(
     panel: Panel, motion: CondensedShapes, places: Sequence[GapPlace]
 ) -> tuple[Floats, RowTerms]:
     """Return unloaded distances of some points of several rails, and rows that lessen them."""
-    starts, of_rails, order = list[Floats](), list[RowTerms](), list[int]()
-    ends = np.cumsum([0, *(x.size for _, x, _ in places)]).tolist()
+    found: dict[int, tuple[Floats, RowTerms]] = {}
     for rail in dict.fromkeys(rail for rail, _, _ in places):  # large matrices once a rail
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
         start, parts = gap_rows(panel, motion, rail, x, z)
-        starts.append(start)
-        of_rails.append(row_terms(motion, parts))
-        order += [row for number in mine for row in range(ends[number], ends[number + 1])]
-    at = np.argsort(order)
-    key = (*map(id, of_rails), *order)
-    kept = _together.get(key) or _together.put(key, (stack_terms(of_rails).of(at), of_rails))
-    return np.concatenate(starts)[at], kept[0]
+        terms, first = row_terms(motion, parts), 0
+        for number in mine:
+            own = slice(first, first := first + places[number][1].size)
+            found[number] = start[own], terms.of(own)
+    ordered = [found[number] for number in range(len(places))]
+    together = stack_terms([terms for _, terms in ordered])
+    return np.concatenate([start for start, _ in ordered]), together
 
 
 def bodies_at_gap(

@@ -57,8 +57,8 @@ class CondensedShapes:
         Way of each switch rail from closed to open.
     condensed : CondensedRails
         With modes and static shapes of the whole mechanism.
-    rows : ndarray, shape (n, n_coordinates)
-        Of the mechanism, without those of objects.
+    rows : ndarray, shape (n_rows, n_coordinates)
+        Of the mechanism.
     """
 
     rails: dict[str, RailBody]
@@ -88,7 +88,7 @@ class Motion(CondensedShapes):
 def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
     """Collect the inputs of the recovery of shapes before a run."""
     rails = {body.name: body for body in mechanism.rails}
-    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.core)
+    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
@@ -243,7 +243,7 @@ class RowTerms:
 
 
 # Rails without objects and rows are shared by many throws; named by identity and kept beside.
-_terms = LRUCache[tuple[RowTerms, object]](64)
+_terms = LRUCache[tuple[RowTerms, Parts, object]](64)
 _shares = LRUCache[tuple[Floats, Parts, object]](64)
 _of_stored = LRUCache[tuple[list[Product], object]](64)
 
@@ -255,34 +255,30 @@ def row_terms(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True
     """
     blocks = motion.condensed.parts
     core = tuple(part.before or part for part in blocks)
-    size = parts[0][1].shape[0], motion.condensed.row_stiffness.size
-    stored, rest = _stored_share(motion, core, parts) if with_stored else (None, parts)
-    # rails that vary are new in each throw, but stored displacements may give all that is theirs
-    touched = [core[block_of(blocks, body)[0]] for body, _ in rest]
-    counts = (part.model.load.size for part in core)
-    key = (size, id(stored), *map(id, touched), *counts, *((b.first, id(rows)) for b, rows in rest))
+    n_rows = motion.rows.shape[0]
+    of_parts = ((body.first, id(rows)) for body, rows in parts)
+    key = (n_rows, with_stored, *map(id, core), *of_parts)
     kept = _terms.get(key)
     if kept is None:
-        found = replace(_terms_without_objects(core, rest, size), stored=stored)
+        stored, rest = _stored_share(motion, core, parts) if with_stored else (None, parts)
+        found = replace(_terms_without_objects(core, rest, n_rows=n_rows), stored=stored)
         if not any(rows.flags.writeable for _, rows in parts):
-            _terms.put(key, (found, (touched, rest)))
+            _terms.put(key, (found, rest, (core, parts)))
     else:
-        found = kept[0]
-    shapes = _with_objects(blocks, rest, found.shapes)
-    return found if shapes is found.shapes else replace(found, shapes=shapes)
+        found, rest, _ = kept
+    return replace(found, shapes=_with_objects(blocks, rest, found.shapes))
 
 
 def _stored_share(
     motion: CondensedShapes, core: Sequence[BlockModel], parts: Parts
 ) -> tuple[Floats, Parts]:
     """Return the weights of stored displacements, and the remainder of the rows."""
+    usable = np.unique(np.concatenate([part.block.rows for part in core]))
     named = [motion.rows, *(rows for _, rows in parts)]
-    ends = sum(part.block.rows.size for part in core)
-    key = (*map(id, named), *(body.first for body, _ in parts), ends)
+    key = (*map(id, named), *(body.first for body, _ in parts), usable.size)
     kept = _shares.get(key)
     if kept is not None:
         return kept[:2]
-    usable = np.unique(np.concatenate([part.block.rows for part in core]))
     stored, rails = stored_rows(motion.rows, usable), tuple(motion.rails.values())
     wanted = np.zeros((parts[0][1].shape[0], motion.rows.shape[1]))
     for body, rows in parts:
@@ -290,22 +286,17 @@ def _stored_share(
     shares = [stored_share(stored, [(b.first, b.count) for b in rails], row) for row in wanted]
     weights, rest = np.array([share[0] for share in shares]), np.array([s[1] for s in shares])
     found = [(body, rest[:, body.first : body.first + body.count]) for body in rails]
-    left = [part for part in found if part[1].any()]
+    left = [part for part in found if part[1].any()] or found[:1]
     weights.flags.writeable = False
     if not any(array.flags.writeable for array in named):
         _shares.put(key, (weights, left, named))
     return weights, left
 
 
-def _terms_without_objects(
-    blocks: Sequence[BlockModel], parts: Parts, size: tuple[int, int]
-) -> RowTerms:
-    """Return rows in terms of blocks to which nothing was added.
-
-    `size` are the numbers of rows, and of those of the mechanism.
-    """
+def _terms_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> RowTerms:
+    """Return rows in terms of blocks to which nothing was added."""
     ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
-    count, n_rows = size
+    count = parts[0][1].shape[0]
     modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
     for body, rows in parts:
         number, first = block_of(blocks, body)
