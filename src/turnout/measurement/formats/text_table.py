@@ -1,5 +1,6 @@
 """Text files of numbers: DewesoftX exports, loggers, oscilloscopes, MATLAB, Excel (CSV, TXT)."""
 
+import csv
 import io
 import re
 import warnings
@@ -100,7 +101,11 @@ def text_table(content: bytes, *, source: str) -> Table:
 def _table(text: _Text) -> tuple[Any, list[str]]:
     """Return the cells, columns of numbers as such, and remarks on repairs."""
     layout = text.layout
-    text, problems = _without_footer(text)
+    try:
+        text, problems = _without_footer(text)
+    except csv.Error as error:
+        message = f"{text.source}: is no table of numbers ({error})"
+        raise FileError(message) from None
     try:
         frame = _frame(text)
     except (ValueError, OverflowError, ParserWarning) as error:
