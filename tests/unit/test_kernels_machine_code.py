@@ -137,6 +137,8 @@ def test_a_damaged_file_is_made_again(double: Kernel, damage: str) -> None:
 def test_another_processor_choice_or_kind_has_a_file_of_its_own(
     double: Kernel, monkeypatch: pytest.MonkeyPatch, variable: str, value: str
 ) -> None:
+    monkeypatch.delenv(variable, raising=False)
+    machine_digest.cache_clear()
     double(3.0)
     here = double.file_for((NUMBER,))
     assert double.file_for(("int",)) != here
