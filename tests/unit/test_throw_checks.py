@@ -8,7 +8,7 @@ import xarray as xr
 from tests.unit.simulated import sb1_panel, sb2_dataset
 
 from turnout.metric.key_figure import key_figures
-from turnout.metric.summary import summary
+from turnout.metric.summary import summary, wheel_texts
 from turnout.throw.checks import Check, checks, lamps, margins
 from turnout.throw.simulate import simulate
 
@@ -152,6 +152,21 @@ def test_gauge_names_its_place_and_passes_at_its_limit() -> None:
     (wide,) = checks(run.assign(least_gauge=1.427))
     assert (wide.met, wide.text) == (True, "the gauge is 1427.0 mm at sleeper 6 (limit 1427)")
     assert checks(run.drop_attrs()) == []
+
+
+def test_a_gauge_of_a_line_speed_names_it_and_the_speed_that_it_allows() -> None:
+    run = xr.Dataset(
+        {"least_gauge": 1.4268, "least_gauge_place": "sleeper 6"},
+        attrs={"gauge_limit": 1.427, "gauge_nominal": 1.435, "gauge_line_speed": 160 / 3.6},
+    )
+    (narrow,) = checks(run)
+    assert narrow.text.endswith("to 1426.8 mm at sleeper 6 (limit 1427 mm at 160 km/h)")
+    text = wheel_texts(run)["gauge"]
+    assert text.endswith(
+        "1427 mm required at 160 km/h; allowed up to 120 km/h by the limits of immediate action"
+    )
+    own = run.assign_attrs(gauge_classes="[[20.0, 0.008]]")
+    assert wheel_texts(own)["gauge"].endswith("; allowed at no speed by the limits of the panel")
 
 
 def test_a_gap_below_zero_is_closed() -> None:

@@ -15,8 +15,9 @@ from turnout.cli.main import app
 from turnout.core.errors import PanelError, ResponseError
 from turnout.figures.gauge import gauge_sheet
 from turnout.metric.export import export_matrices
-from turnout.metric.least_gauge import least_gauges, load_gauge_limits
+from turnout.metric.least_gauge import least_gauges
 from turnout.panel.foreign_object import ForeignObject
+from turnout.panel.gauge_limits import load_gauge_limits
 from turnout.panel.load import load_panel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
@@ -170,6 +171,42 @@ def test_faulty_limits_are_refused(tmp_path: Path, text: str, words: str) -> Non
     with pytest.raises(PanelError) as error:
         load_gauge_limits(limits_file(tmp_path, text))
     assert words in str(error.value)
+
+
+def test_a_line_speed_takes_its_class_of_the_panels_limits(tmp_path: Path) -> None:
+    """The classes become part of the panel: it does not need the file any more."""
+    panel = load_panel("uic60-760-1-15")
+    for speed, least in (("120 km/h", 1.426), ("121 km/h", 1.427), ("230 km/h", 1.428)):
+        assert panel.with_settings([f"gauge.line_speed={speed}"]).gauge_limit == least
+    assert panel.with_overrides({"gauge.line_speed": 20.0}).gauge_limit == 1.426
+    text = HEAD + CLASS.format("40 km/h", "12 mm") + CLASS.format("80 km/h", "10 mm")
+    file = limits_file(tmp_path, text)
+    own = panel.with_settings([f"gauge.limits={file}", "gauge.line_speed=50 km/h"])
+    file.unlink()
+    assert own.with_overrides({"chair.friction_coefficient": 0.3}).gauge_limit == 1.425
+    assert panel.with_overrides({"gauge.limits": "immediate-action"}).hash == panel.hash
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("gauge.line_speed=300 km/h", "no class of gauge.limits holds at it; they end at 230 km/h"),
+        ("gauge.limits=none.toml", 'gauge.limits = "none.toml": .*no such file'),
+        ("gauge.limits=immediat", "nearest is 'immediate-action'"),
+    ],
+)
+def test_a_panel_refuses_limits_that_do_not_hold(text: str, words: str) -> None:
+    panel = load_panel("uic60-760-1-15")
+    with pytest.raises(PanelError, match=words) as error:
+        panel.with_settings([text])
+    assert len(error.value.problems) == 1
+
+
+def test_classes_in_the_panel_must_rise() -> None:
+    panel = load_panel("uic60-760-1-15")
+    classes = [{"up_to": 30.0, "narrowing": 9e-3}, {"up_to": 20.0, "narrowing": 8e-3}]
+    with pytest.raises(PanelError, match="must rise, but 20 m/s comes after 30 m/s"):
+        panel.with_overrides({"gauge.limits": classes})
 
 
 def run(*words: str) -> tuple[int, str, str]:

@@ -21,7 +21,8 @@ from turnout.core.errors import SolverError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.metric.least_gauge import GaugeLimits, LeastGauges
+    from turnout.metric.least_gauge import LeastGauges
+    from turnout.panel.gauge_limits import GaugeLimits
     from turnout.throw.wheel import Course
 
 GAUGE_UNITS = {
@@ -68,21 +69,22 @@ def gauge_command(
         "Place of Q from the running edge, towards the stock rail.",
         default="0 mm",
     ),
-    limits: str = option(
+    limits: str | None = option(
         "--limits NAME",
-        "Limits by line speed: of the library, or a file (.toml).",
-        default="immediate-action",
+        "Limits by line speed: of the library, or a file (.toml). Default those of the panel.",
+        show_default=False,
     ),
     strict: bool = option("--strict", "Exit code 1 if the gauge is narrower than allowed."),
 ) -> None:
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
-    from turnout.metric.least_gauge import least_gauges, load_gauge_limits
+    from turnout.metric.least_gauge import least_gauges
     from turnout.panel.foreign_object import parse_objects
+    from turnout.panel.gauge_limits import limits_of, load_gauge_limits
 
     loaded, foreign, classes, forces, lengths = collect_errors(
         panel.opened,
         lambda: parse_objects(objects),
-        lambda: load_gauge_limits(limits),
+        lambda: None if limits is None else load_gauge_limits(limits),
         lambda: [_forces("--lateral", lateral), _forces("--vertical", vertical)],
         lambda: read_texts({"--step": step, "--offset": offset}, _length),
     )
@@ -103,7 +105,7 @@ def gauge_command(
     except SolverError as error:
         note(str(error))
         raise typer.Exit(INCOMPLETE) from None
-    found = least_gauges(dataset)
+    found, classes = least_gauges(dataset), classes or limits_of(dataset.attrs)
     output.lines(gauge_lines(dataset, found, classes))
     output.dataset(output["out"], dataset)
     output.figure(output["plot"], plot_gauge, dataset)
@@ -185,6 +187,6 @@ def gauge_record(
         **{name: attributes[name] for name in ("gauge_nominal", "gauge_limit")},
         "least": least,
         "loads": [asdict(item) for item in found],
-        "limits": asdict(limits),
+        "limits": {"name": limits.name, "classes": [c.model_dump() for c in limits.classes]},
         "up_to": limits.highest_speed(attributes["gauge_nominal"] - least) or None,
     }

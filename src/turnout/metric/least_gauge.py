@@ -1,27 +1,18 @@
-"""Least gauges at rest and under a wheel, and limits of gauge by line speed from a file."""
+"""Least gauges at rest and under a wheel, and the line speed that they allow."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import PanelError
-from turnout.core.library import open_toml
-from turnout.core.problems import choices, nearest, show_value
-from turnout.core.units import LENGTH, SPEED, parse_quantity
 from turnout.metric.finding import HEADLINE, Finding, Severity
+from turnout.panel.gauge_limits import allowed_speed
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Floats = NDArray[np.float64]
-
-DEFAULT_LIMITS = "immediate-action"
-"""Limits of the library that are taken unless others are named."""
-_TOP, _OF_CLASS = ("schema_version", "name", "class"), ("up_to", "narrowing")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +117,7 @@ def wheel_findings(dataset: "xr.Dataset") -> list[Finding]:
         From `turnout.gauge_under_wheel`.
     """
     found, attributes = least_gauges(dataset), dataset.attrs
-    nominal, limit = (float(attributes[f"gauge_{name}"]) for name in ("nominal", "limit"))
+    limit = float(attributes["gauge_limit"])
     rest = found[0]
     wheel = min(found, key=lambda item: item.at_wheel)
     worst = min(found, key=lambda item: item.under_wheel)
@@ -145,98 +136,5 @@ def wheel_findings(dataset: "xr.Dataset") -> list[Finding]:
         Finding("look" if value < limit else "fact", what, f"{1e3 * value:.1f} mm", where)
         for what, value, where in answers
     ]
-    limits = load_gauge_limits(DEFAULT_LIMITS)
-    speed = 3.6 * limits.highest_speed(nominal - least)
-    answer = f"up to {speed:.0f} km/h" if speed else "none"
-    return [*made, Finding("fact", "Allowed speed", answer, f"by the limits of {limits.name}")]
-
-
-@dataclass(frozen=True, slots=True)
-class GaugeClass:
-    """Greatest narrowing of the gauge [m] up to a line speed [m/s]."""
-
-    up_to: float
-    narrowing: float
-
-
-@dataclass(frozen=True, slots=True)
-class GaugeLimits:
-    """Limits of gauge by line speed: a name, and classes whose speeds rise."""
-
-    name: str
-    classes: tuple[GaugeClass, ...]
-
-    def highest_speed(self, narrowing: float) -> float:
-        """Return the speed up to which a narrowing is allowed [m/s]; 0 if no class allows it.
-
-        Examples
-        --------
-        >>> limits = load_gauge_limits("immediate-action")
-        >>> [round(3.6 * limits.highest_speed(narrowing)) for narrowing in (7e-3, 8.2e-3, 0.01)]
-        [230, 120, 0]
-        """
-        allowed = [item.up_to for item in self.classes if narrowing <= item.narrowing]
-        return max(allowed, default=0.0)
-
-
-def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
-    """Load limits of gauge by line speed, of the library or a file.
-
-    Parameters
-    ----------
-    name_or_path : str or Path
-        "immediate-action", or the path of a TOML file with ``schema_version = 1``, a `name`, and a
-        table ``[[class]]`` for each class with `up_to`, a speed, and `narrowing`, a length.
-
-    Raises
-    ------
-    FileError
-        When the file cannot be read or is not TOML.
-    PanelError
-        When it has no classes or other faults; with all of them at once.
-
-    Examples
-    --------
-    >>> [item.narrowing for item in load_gauge_limits("immediate-action").classes]
-    [0.009, 0.008, 0.007]
-    """
-    file = open_toml("turnout.metric", name_or_path, kind="table of limits")
-    problems: list[str] = []
-    found = list(_classes(file.data.get("class"), problems))
-    problems += [
-        f"{key}: unknown key{nearest(key, _TOP)}; there are {choices(_TOP)}"
-        for key in file.data
-        if key not in _TOP
-    ]
-    if file.data.get("schema_version") != 1:
-        problems.append("schema_version: must be 1")
-    speeds = [item.up_to for item in found]
-    if any(after <= before for before, after in zip(speeds, speeds[1:], strict=False)):
-        problems.append("class: the speeds `up_to` must rise from class to class")
-    if problems:
-        raise PanelError(problems, source=f"limits of gauge {file.source}")
-    return GaugeLimits(str(file.data.get("name", file.source)), tuple(found))
-
-
-def _classes(given: Any, problems: list[str]) -> Iterator[GaugeClass]:
-    """Yield the valid classes of a file, and note what is wrong with it."""
-    example = '[[class]] with up_to = "120 km/h" and narrowing = "9 mm"'
-    if not isinstance(given, list) or not given:
-        problems.append(f"has no classes; give at least one {example}")
-        return
-    for number, item in enumerate(given, 1):
-        if not isinstance(item, dict) or sorted(item) != sorted(_OF_CLASS):
-            problems.append(f"class {number}: must have {' and '.join(_OF_CLASS)}, as {example}")
-            continue
-        values = []
-        for key, dimension in zip(_OF_CLASS, (SPEED, LENGTH), strict=True):
-            try:
-                values.append(parse_quantity(item[key], dimension))
-            except ValueError as error:
-                problems.append(f"class {number}: {key} = {show_value(item[key])}: {error}")
-                continue
-            if values[-1] <= 0.0:
-                text = f"class {number}: {key} = {show_value(item[key])}: must be more than 0"
-                problems.append(text)
-        if len(values) == len(_OF_CLASS):
-            yield GaugeClass(*values)
+    speed, by = allowed_speed(attributes, least)
+    return [*made, Finding("fact", "Allowed speed", speed or "none", by)]

@@ -405,8 +405,9 @@ def wheel_texts(dataset: "xr.Dataset") -> dict[str, str]:
         + (
             "the panel gives no limit"
             if math.isnan(room.limit)
-            else format_required(room.least, room.limit)
+            else f"{format_required(room.least, room.limit)}{room.at_speed.removeprefix(' mm')}"
         )
+        + (f"; {room.allowed}" if room.allowed else "")
         for room in wheel_rooms(dataset)
     }
 

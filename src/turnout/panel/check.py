@@ -263,6 +263,19 @@ def _lock(draft: Draft, path: Path, lock: Any) -> Iterator[Problem]:
             yield Problem((*path, "rule"), f' = "{rule}"{text}')
 
 
+def _gauge(path: Path, gauge: Any) -> Iterator[Problem]:
+    """Refuse classes of limits that do not rise, and a line speed beyond them."""
+    if gauge is None or isinstance(gauge.limits, str):  # a name that could not be read, as reported
+        return
+    speeds = [item.up_to for item in gauge.limits or ()]
+    if fault := rising_fault(speeds, unit="m/s"):
+        yield Problem((*path, "limits"), f": the speeds `up_to` {fault}")
+    elif gauge.line_speed is not None and not any(gauge.line_speed <= top for top in speeds):
+        text = f" = {3.6 * gauge.line_speed:g} km/h: no class of gauge.limits holds at it; "
+        fastest = 3.6 * max(speeds, default=0.0)
+        yield Problem((*path, "line_speed"), f"{text}they end at {fastest:g} km/h")
+
+
 def _opposite_ways(draft: Draft) -> Iterator[Problem]:
     rails = draft.records["rail"].values()
     if len({rail.closes for rail in rails}) < len(rails) == 2:
@@ -463,6 +476,7 @@ CHECKS: Mapping[str, tuple[Check, ...]] = {
     "object_defaults": (names_known("rail", "rail"),),
     "damping": (alone(_damping),),
     "lock": (_lock,),
+    "gauge": (alone(_gauge),),
     "movement": (_movement, alone(_table)),
     "schedule": (_sequence, _end, _cycles),
     **OF_SECTIONS,

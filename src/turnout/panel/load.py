@@ -22,6 +22,7 @@ from turnout.core.toml import Origin, TomlFile
 from turnout.panel.check import check
 from turnout.panel.compiled_keys import CompiledKeys, compile_keys
 from turnout.panel.document import Document, expand
+from turnout.panel.gauge_limits import with_gauge_limits
 from turnout.panel.library_members import add_library_members
 from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
@@ -85,12 +86,14 @@ def check_document(document: Document, *, folder: Path | None) -> CheckedDocumen
     CheckedDocument
     """
     document = add_library_members(document)
+    document, limit_problems = with_gauge_limits(document, folder=folder)
     filled, file_problems = read_schedule_files(document, folder=folder)
     matrices, matrix_problems = read_matrices(
         document.tree.get("rail"), folder=folder, known=document.matrices
     )
     draft = validate_document(filled)
-    found = [*draft.problems, *file_problems, *matrix_problems, *check(draft)]
+    of_files = [*limit_problems, *file_problems, *matrix_problems]
+    found = [*draft.problems, *of_files, *check(draft)]
     if not found:
         found += check_matrices(draft.records, matrices)
     return CheckedDocument(
@@ -210,6 +213,8 @@ class LoadedPanel(Panel):
                 del values["schedule"]["loaded_by"]
             if values["gauge"] is None:  # and one without data of its gauge
                 del values["gauge"]
+            elif values["gauge"]["line_speed"] is None:  # and one judged by a limit of its own
+                del values["gauge"]["line_speed"], values["gauge"]["limits"]
             for rail in values["rail"].values():  # and one that touches, before edges could meet
                 if rail["gauge_widening"] is None:
                     del rail["gauge_widening"]

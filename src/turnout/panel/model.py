@@ -17,6 +17,7 @@ from turnout.core.quantity import (
     Length,
     Pressure,
     Record,
+    Speed,
 )
 from turnout.machine.components import Machine
 from turnout.panel.records import (
@@ -67,6 +68,15 @@ class Flangeway(Record):
     limit: Length = Field(gt=0, description="least allowed distance [m]")
 
 
+class GaugeClass(Record):
+    """Greatest narrowing of the gauge up to a line speed."""
+
+    up_to: Speed = Field(gt=0, description="line speed up to which it holds [m/s]")
+    narrowing: Length = Field(
+        gt=0, description="greatest allowed narrowing below the nominal gauge [m]"
+    )
+
+
 class TrackGauge(Record):
     """Track gauge beside a closed switch rail: design, and the narrowing that is allowed."""
 
@@ -83,8 +93,27 @@ class TrackGauge(Record):
         "gauge; an assumed one narrows the gauge",
     )
     limit: Length | None = Field(
-        None, gt=0, description="greatest allowed narrowing below the nominal gauge [m]"
+        None,
+        gt=0,
+        description="greatest allowed narrowing below the nominal gauge, where no line_speed is "
+        "given [m]",
     )
+    line_speed: Speed | None = Field(
+        None, gt=0, description="whose class of limits the gauge is judged by [m/s]"
+    )
+    limits: str | list[GaugeClass] | None = Field(
+        None,
+        description="limits by line speed: of the library, a file (.toml), or classes up_to and "
+        'narrowing whose speeds rise; default "immediate-action"',
+    )
+
+    @property
+    def allowed_narrowing(self) -> float | None:
+        """Greatest narrowing at its line speed, or its own limit [m]; None without either."""
+        if self.line_speed is None:
+            return self.limit
+        classes = self.limits if isinstance(self.limits, list) else []
+        return next((c.narrowing for c in classes if self.line_speed <= c.up_to), None)
 
 
 class Discretisation(Record):
@@ -139,9 +168,10 @@ class Panel(Record):
     @property
     def gauge_limit(self) -> float | None:
         """Least gauge that is allowed [m]; None without a limit."""
-        if self.gauge is None or self.gauge.limit is None:
+        narrowing = None if self.gauge is None else self.gauge.allowed_narrowing
+        if self.gauge is None or narrowing is None:
             return None
-        return round(self.gauge.nominal - self.gauge.limit, 9)
+        return round(self.gauge.nominal - narrowing, 9)
 
     def gap_limits(self) -> dict[str, float]:
         """Return the gap from which each drive refuses lock [m]."""

@@ -18,16 +18,29 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from turnout.core.keys import NONE, REQUIRED, Key, forms_of, records_in
+from turnout.core.library import names_a_file
 from turnout.core.toml import TomlLayout, decode, parse_toml, read_bytes, read_layout, with_value
 from turnout.panel.load import library_text, load_panel, panel_source
 from turnout.panel.model import FAMILIES, PANEL_KEYS, Panel
 
 MARK = "written by `turnout panel new`"
 WIDTH = 98
-FILE_KEYS = ("matrices", "table_file")
-"""Keys whose values are paths, relative to the file that they stand in."""
+_FILE_KEYS, _LIBRARY_OR_FILE = ("matrices", "table_file"), ("limits",)
 
 KeyPath = tuple[str, ...]
+
+
+def names_other_file(key: str, value: object) -> bool:
+    """Return True if the value of a key is a path, relative to the file that it stands in.
+
+    Examples
+    --------
+    >>> names_other_file("limits", "own.toml"), names_other_file("limits", "immediate-action")
+    (True, False)
+    """
+    if not isinstance(value, str):
+        return False
+    return key in _FILE_KEYS or (key in _LIBRARY_OR_FILE and names_a_file(value.strip()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,12 +164,12 @@ def _moved(text: str, folder: FilePath, target: FilePath) -> str:
     """Return a text whose relative paths start at another folder."""
     data = parse_toml(text, source="panel").data
     for path in read_layout(text).values:
-        if path[-1] not in FILE_KEYS or folder == target:
+        if folder == target:
             continue
         value = data
         for part in path:
             value = value[part]
-        if isinstance(value, str) and not FilePath(value).is_absolute():
+        if names_other_file(path[-1], value) and not FilePath(value).is_absolute():
             moved = FilePath(os.path.relpath(folder / value, target)).as_posix()
             text = with_value(text, path, json.dumps(moved, ensure_ascii=False))
     return text

@@ -7,7 +7,7 @@ the value that decided beside its limit, of one instant and one criterion.
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.value_text import shown_unit
+from turnout.panel.gauge_limits import allowed_speed
 from turnout.panel.lock_rule import LOCK_RULES, SLIP, DriveStates, LockCriterion, criteria_of
 from turnout.throw.slip import (
     LEAST_SHARE,
@@ -500,6 +501,10 @@ class WheelRoom:
         [m]; the limit is NaN for a panel without one.
     rail, place : str
         Of the least one; empty if not known.
+    at_speed : str
+        Line speed whose class gives the limit, in words; empty if it depends on none.
+    allowed : str
+        Line speed that a gauge allows, in words, and by which limits; empty for a flangeway.
     """
 
     kind: str
@@ -507,6 +512,8 @@ class WheelRoom:
     limit: float
     rail: str
     place: str
+    at_speed: str = ""
+    allowed: str = ""
 
     @property
     def value(self) -> str:
@@ -522,7 +529,8 @@ class WheelRoom:
             return f"the flangeway{where} is {self.value}, limit {limit} mm"
         wide = self.least >= self.limit
         what = "the gauge is" if wide else "the closed rail narrows the gauge to"
-        return f"{what} {self.value}{f' at {self.place}' if self.place else ''} (limit {limit})"
+        where = f" at {self.place}" if self.place else ""
+        return f"{what} {self.value}{where} (limit {limit}{self.at_speed})"
 
 
 def wheel_rooms(dataset: "xr.Dataset") -> list[WheelRoom]:
@@ -537,8 +545,20 @@ def wheel_rooms(dataset: "xr.Dataset") -> list[WheelRoom]:
         if not math.isnan(least):
             limit = float(dataset.attrs.get(f"{kind}_limit", math.nan))
             place = place or (f"x = {float(x):g} m" if x else "")
-            found.append(WheelRoom(kind, least, limit, rail, place))
+            room = WheelRoom(kind, least, limit, rail, place)
+            found.append(_by_speed(room, dataset.attrs) if kind == GAUGE else room)
     return found
+
+
+def _by_speed(room: WheelRoom, attributes: Mapping[Any, Any]) -> WheelRoom:
+    """Return a gauge with the line speed of its limit, and that which it allows."""
+    at = attributes.get("gauge_line_speed")
+    at_speed = "" if at is None else f" mm at {3.6 * float(at):g} km/h"
+    if "gauge_nominal" not in attributes:
+        return replace(room, at_speed=at_speed)
+    speed, by = allowed_speed(attributes, room.least)
+    allowed = f"allowed {speed or 'at no speed'} {by}"
+    return replace(room, at_speed=at_speed, allowed=allowed)
 
 
 def _wheel_checks(dataset: "xr.Dataset") -> list[Check]:

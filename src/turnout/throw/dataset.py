@@ -308,7 +308,7 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
         "lock_gap_limit": panel.lock.gap_limit,
         "lock_gap_limits": json.dumps(panel.gap_limits()),
         "flangeway_limit": panel.flangeway.limit if panel.flangeway else float("nan"),
-        **_gauge_rules(panel),
+        **gauge_rules(panel),
         "instrumented_rail": panel.instrumented_rail,
         **({"loaded_by": panel.schedule.loaded_by} if prior_movement(panel) else {}),
         "sensor_rails": json.dumps(sensor_rails(panel)),
@@ -323,13 +323,22 @@ def _rules(panel: LoadedPanel, scheme: Scheme) -> Attributes:
     }
 
 
-def _gauge_rules(panel: Panel) -> Attributes:
-    """Return the nominal gauge and the least one allowed [m], NaN without a limit."""
-    if panel.gauge is None:
+def gauge_rules(panel: Panel) -> Attributes:
+    """Return the nominal gauge, the least one allowed [m], NaN without a limit, and the classes.
+
+    With `gauge_line_speed` [m/s] where its class gives the limit; `gauge_classes` are pairs of
+    speed [m/s] and narrowing [m] as JSON.
+    """
+    data = panel.gauge
+    if data is None:
         return {}
     limit = panel.gauge_limit
     least = float("nan") if limit is None else limit
-    return {"gauge_nominal": panel.gauge.nominal, "gauge_limit": least}
+    found: Attributes = {"gauge_nominal": data.nominal, "gauge_limit": least}
+    if data.line_speed is not None:
+        found["gauge_line_speed"] = data.line_speed
+    classes = data.limits if isinstance(data.limits, list) else []
+    return found | {"gauge_classes": json.dumps([[c.up_to, c.narrowing] for c in classes])}
 
 
 def object_record(panel: Panel, item: PlacedObject) -> dict[str, object]:

@@ -39,7 +39,7 @@ from turnout.solver.energy import energy_balance
 from turnout.solver.integration import History, integrate
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
-from turnout.throw.dataset import object_record
+from turnout.throw.dataset import gauge_rules, object_record
 from turnout.throw.gauge import gauge_along
 from turnout.throw.recovery import RX, recover_motion, row_motion
 from turnout.throw.route import closed_rail, throws
@@ -346,8 +346,6 @@ def _dataset(
     x = along[0][0]
     drives = np.array([-one.forces(list(index.drive.values()))[1:] for one in rolled])
     trapped = np.array([one.forces(list(index.object.values()))[1:].sum(axis=1) for one in rolled])
-    if panel.gauge is None:
-        raise AssertionError
     lateral, vertical = np.array(loads).T
     found = xr.Dataset(
         {
@@ -378,8 +376,7 @@ def _dataset(
             "rail": run.rail,
             "course": course,
             "vertical_force_offset": offset,
-            "gauge_nominal": panel.gauge.nominal,
-            "gauge_limit": math.nan if panel.gauge_limit is None else panel.gauge_limit,
+            **gauge_rules(panel),
             "energy_residual": max(one.history.outcome.energy_residual for one in rolled),
             "energy_scale": rolled[0].scale,
             "scheme": SCHEME.describe(),

@@ -41,6 +41,7 @@ from turnout.panel.load import (
     load_panel,
     panel_from_file,
 )
+from turnout.panel.new_panel import names_other_file
 from turnout.throw.simulate import simulate
 from turnout.web.controls import measured_record, panel_controls
 from turnout.web.measured import (
@@ -66,7 +67,6 @@ from turnout.web.request import (
 )
 from turnout.web.scenario import command_line, panel_toml, python_script
 from turnout.web.throw import (
-    FILE_KEYS,
     FILE_MESSAGE,
     FILES,
     TEXTS,
@@ -392,7 +392,7 @@ def _other_files(data: Any, path: str = "") -> list[str]:
     items = enumerate(data) if isinstance(data, list) else data.items()
     for key, value in items:
         inner = f"{path}.{key}" if path else str(key)
-        if key in FILE_KEYS and isinstance(value, str):
+        if names_other_file(str(key), value):
             found.append(inner)
         elif isinstance(value, dict | list):
             found += _other_files(value, inner)

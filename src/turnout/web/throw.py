@@ -21,6 +21,7 @@ from turnout.metric.summary import summary
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
+from turnout.panel.new_panel import names_other_file
 from turnout.throw.checks import (
     Check,
     Lamp,
@@ -44,14 +45,16 @@ from turnout.web.request import RunRequest
 PREVIEW, PREVIEW_KEPT = Scheme.of("quick"), Save(interval=0.02)
 # Each way along the slider; more would not stay in memory.
 PLACES_AHEAD = 10
-# Keys of a panel that name a file, which would be one of this machine.
-FILE_KEYS = ("matrices", "table_file")
 FILE_MESSAGE = "names another file, which the page cannot; start with `turnout studio --panel`"
 
 
 def changed_panel(panel: LoadedPanel, request: RunRequest) -> LoadedPanel:
     """Return the panel with the changes of the page in it; PanelError lists all problems."""
-    named = [key for key in request.settings if key.split(".")[-1].strip() in FILE_KEYS]
+    named = [
+        key
+        for key, value in request.settings.items()
+        if names_other_file(key.split(".")[-1].strip(), value)
+    ]
     if named:
         raise PanelError([f"{key}: {FILE_MESSAGE}" for key in named], source="overrides")
     return panel.with_overrides(request.settings, si=False) if request.settings else panel
