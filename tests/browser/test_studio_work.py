@@ -194,6 +194,28 @@ def test_a_map_shows_what_reports_an_object(screen: Screen, shots: Path) -> None
     assert "no list of sizes" in page.locator("#message").inner_text()
 
 
+def test_a_wheel_narrows_the_gauge_beside_an_object(screen: Screen, shots: Path) -> None:
+    page = screen.page
+    page.get_by_role("tab", name="Wheel").click()
+    page.get_by_role("button", name="Roll", exact=True).click()
+    page.wait_for_selector("#message:not([hidden])")
+    assert "has no [gauge]" in page.locator("#message").inner_text()
+    screen.complaints.clear()
+    screen.clear()
+    page.get_by_label("Panel", exact=True).select_option("60e1-300-1-9")
+    screen.finished()
+    page.get_by_label("Y [kN]").fill("20")
+    page.get_by_role("button", name="Roll", exact=True).click()
+    screen.wait("document.querySelectorAll('#wheel-chart .scatterlayer .trace').length === 3")
+    page.screenshot(path=shots / "wheel.png")
+    told = page.locator("#wheel-findings").inner_text()
+    assert "Gauge too narrow" in told
+    assert "Y = 20 kN, Q = 50 kN" in told
+    page.get_by_label("Y [kN]").fill("-1")
+    page.get_by_role("button", name="Roll", exact=True).click()
+    assert "no force of at least 0" in page.locator("#message").inner_text()
+
+
 def test_the_page_measures_how_fast_it_is(screen: Screen) -> None:
     page = screen.page
     page.evaluate("performance.clearMeasures()")
@@ -212,7 +234,7 @@ def test_a_phone_and_paper_show_results_first(screen: Screen, shots: Path) -> No
         for part in ("#verdict", "#lamps", "#plan", "#curves", "aside")
     ]
     assert tops == sorted(tops)
-    for view in ("Map", "Detector", "Curves"):
+    for view in ("Map", "Wheel", "Detector", "Curves"):
         page.get_by_role("tab", name=view).click()
         assert page.evaluate("document.documentElement.scrollWidth") <= 390, view
     page.emulate_media(media="print")

@@ -17,11 +17,13 @@ from typer.testing import CliRunner
 from turnout.cli.main import app
 from turnout.core.scheme import Scheme
 from turnout.metric.key_figure import key_figures
+from turnout.metric.least_gauge import wheel_findings
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import library_text, load_panel
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 from turnout.throw.verdict import verdict
+from turnout.throw.wheel import gauge_under_wheel
 from turnout.web.controls import controls
 from turnout.web.tasks import MOST_RUNS
 
@@ -159,6 +161,37 @@ def test_sliders_change_what_they_say() -> None:
             text = f"{value} {item['unit']}" if item["unit"] else value
             changed = panel.with_overrides({item["key"]: text}, si=False)
             assert changed.hash != panel.hash or value == item["value"], item["key"]
+
+
+def test_a_wheel_rolls_over_the_closed_rail_as_by_the_command(studio: Client) -> None:
+    mark = studio.post("/api/panel/open", {"name": "60e1-300-1-9"}).json["mark"]
+    run = {"panel": mark, "object": OBJECT_ASKED, "settings": {"gauge.line_speed": "120 km/h"}}
+    load = {"lateral": "20 kN", "vertical": "50 kN", "course": "trailing"}
+    found = studio.post("/api/wheel", {"run": run} | load).json
+    dataset = gauge_under_wheel(
+        load_panel("60e1-300-1-9"),
+        lateral=20e3,
+        vertical=50e3,
+        foreign_object=OBJECT,
+        course="trailing",
+    )
+    head, *three, speed = found["findings"]
+    assert head["answer"] == "Gauge too narrow"
+    assert head["detail"].endswith("(limit 1426 mm)")
+    expected = wheel_findings(dataset)[1:4]
+    assert [one["answer"] for one in three] == [one.answer for one in expected]
+    assert speed["answer"] == "none"
+    lines = [line["label"] for row in found["sheet"]["rows"] for line in row["lines"]]
+    assert lines == ["at rest", "Y 20 kN, Q 50 kN", "Y 20 kN, Q 50 kN"]
+    for change, words in (
+        ({"lateral": "-1 kN"}, "must be at least 0"),
+        ({"vertical": "5 kg"}, "vertical = '5 kg'"),
+        ({"course": "sideways"}, "facing, trailing"),
+        ({"run": asked(studio)}, "has no [gauge]"),
+    ):
+        refused = studio.post("/api/wheel", {"run": run} | load | change)
+        assert refused.status == 422
+        assert words in refused.json["message"]
 
 
 def map_asked(client: Client, places: list[str], sizes: list[str]) -> dict[str, Any]:

@@ -72,6 +72,7 @@ def studio_app(studio: Studio, worker: Worker, *, largest: int = LARGEST_UPLOAD)
             Route("/api/panel/concerns", desk.concerns, methods=["POST"]),
             Route("/api/run", desk.run, methods=["POST"]),
             Route("/api/map", desk.map, methods=["POST"]),
+            Route("/api/wheel", desk.wheel, methods=["POST"]),
             Route("/api/job/{job}", desk.job),
             Route("/api/job/{job}/stop", desk.stop, methods=["POST"]),
             Route("/api/file/{kind}", desk.file, methods=["POST"]),
@@ -149,6 +150,9 @@ class _Addresses:
 
     async def map(self, request: Request) -> Response:
         return await self._forward("map", request, seconds=MAP_TIME_LIMIT)
+
+    async def wheel(self, request: Request) -> Response:
+        return await self._forward("wheel", request, seconds=CHECK_TIME_LIMIT)
 
     async def job(self, request: Request) -> Response:
         return JSONResponse({"share": self.worker.share(request.path_params["job"])})

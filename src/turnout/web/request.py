@@ -42,6 +42,15 @@ class MapRequest(PageRequest):
     sizes: list[str] = Field(min_length=1, max_length=20, description="such as '13 mm'")
 
 
+class WheelRequest(PageRequest):
+    """A wheel that rolls along the closed rail of a throw, with a flange and a vertical force."""
+
+    run: RunRequest = Field(description="panel, changes and the trapped object")
+    lateral: str = Field(max_length=40, description="flange force Y, such as '40 kN'")
+    vertical: str = Field(max_length=40, description="vertical force Q, such as '50 kN'")
+    course: str = Field(default="facing", max_length=40, description="'facing' or 'trailing'")
+
+
 class FileRequest(PageRequest):
     """A file made of a throw, with another one drawn behind it."""
 

@@ -63,6 +63,7 @@ from turnout.web.request import (
     MarkRequest,
     PanelRequest,
     RunRequest,
+    WheelRequest,
     read_request,
 )
 from turnout.web.scenario import command_line, panel_toml, python_script
@@ -76,6 +77,7 @@ from turnout.web.throw import (
     places_around,
     simulate_request,
     throw_reply,
+    wheel_record,
 )
 
 if TYPE_CHECKING:
@@ -142,6 +144,7 @@ class TaskHandler:
             "panel/concerns": self._concerns,
             "run": self._run,
             "map": self._map,
+            "wheel": self._wheel,
             "file": self._file,
             "recording": self._recording,
             "limit": self._limit,
@@ -234,6 +237,13 @@ class TaskHandler:
         request = read_request(MapRequest, task.content)
         panel = changed_panel(self._panel(request.run.panel), request.run)
         return Reply.of(object_map(panel, request, question))
+
+    def _wheel(self, task: Task, _question: Question) -> Reply:
+        """Roll a wheel along the closed rail of a throw."""
+        request = read_request(WheelRequest, task.content)
+        return Reply.of(
+            wheel_record(changed_panel(self._panel(request.run.panel), request.run), request)
+        )
 
     def _thrown(
         self, request: RunRequest, question: Question, *, report: bool = False

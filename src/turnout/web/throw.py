@@ -1,14 +1,17 @@
-"""Simulate a requested throw; assemble the reply and the files from metric and plot."""
+"""Simulate a requested throw, roll a wheel over it; assemble the reply and the files."""
 
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import asdict
+from typing import Any, cast
 
 import xarray as xr
 
-from turnout.core.errors import PanelError, SolverError
+from turnout.core.errors import FileError, PanelError, SolverError
 from turnout.core.scheme import Scheme
+from turnout.core.units import FORCE, parse_quantity
+from turnout.figures.gauge import gauge_sheet
 from turnout.figures.moving_plan import FRAMES, motion_record
 from turnout.figures.over_time_sheet import throw_sheet
 from turnout.figures.sheet import MOST_POINTS, sheet_record
@@ -17,6 +20,7 @@ from turnout.figures.throw import plot_throw
 from turnout.measurement.formats.history import history_text
 from turnout.metric.finding import headline
 from turnout.metric.key_figure import KeyFigure, key_figures
+from turnout.metric.least_gauge import wheel_findings
 from turnout.metric.summary import summary
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
@@ -37,9 +41,10 @@ from turnout.throw.save import Save
 from turnout.throw.simulate import prepare_panel, simulate
 from turnout.throw.store import response_bytes
 from turnout.throw.verdict import Verdict, verdict
+from turnout.throw.wheel import Course, gauge_under_wheel
 from turnout.web.controls import controls
 from turnout.web.question import Question, Superseded
-from turnout.web.request import RunRequest
+from turnout.web.request import RunRequest, WheelRequest
 
 # While a slider moves; once it rests the throw is computed as `turnout simulate` does.
 PREVIEW, PREVIEW_KEPT = Scheme.of("quick"), Save(interval=0.02)
@@ -91,7 +96,7 @@ def simulate_request(
     try:
         dataset = simulate(
             panel,
-            foreign_object=_trapped(request),
+            foreign_object=trapped_object(request),
             scheme=PREVIEW if request.preview else Scheme(),
             save=PREVIEW_KEPT if request.preview else None,
             throw=False,
@@ -123,10 +128,11 @@ def places_around(panel: LoadedPanel, request: RunRequest) -> list[RunRequest]:
 
 def made_ready(panel: LoadedPanel, request: RunRequest) -> None:
     """Reduce the rails of a likely next throw in advance."""
-    prepare_panel(panel, foreign_object=_trapped(request))
+    prepare_panel(panel, foreign_object=trapped_object(request))
 
 
-def _trapped(request: RunRequest) -> ForeignObject | None:
+def trapped_object(request: RunRequest) -> ForeignObject | None:
+    """Return the foreign object of a request, None without."""
     given = request.object
     if given is None:
         return None
@@ -278,3 +284,43 @@ def made_file(kind: str, dataset: xr.Dataset, *, behind: xr.Dataset | None = Non
     if kind == "csv":
         return history_text(dataset).encode()
     return rendered(plot_throw(dataset, compare=behind), f".{kind}")
+
+
+def wheel_record(panel: LoadedPanel, request: WheelRequest) -> dict[str, Any]:
+    """Return the least gauges at rest, at the wheel and anywhere under it, and their curves.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        With the changes made.
+    request : WheelRequest
+        Load, course, and the trapped object.
+
+    Returns
+    -------
+    dict
+        ``findings`` as of a report; ``sheet``, the gauge along the rail.
+
+    Raises
+    ------
+    FileError, ResponseError, PanelError
+        For a load that is none, a panel without data of its gauge, an object that does not fit.
+    NotConverged
+        Where there is no equilibrium with sliding feet next to the last one.
+    """
+    forces = {}
+    for name in ("lateral", "vertical"):
+        try:
+            forces[name] = parse_quantity(getattr(request, name), FORCE)
+        except ValueError as error:
+            message = f"{name} = '{getattr(request, name)}': {error}"
+            raise FileError(message) from None
+    dataset = gauge_under_wheel(
+        panel,
+        lateral=forces["lateral"],
+        vertical=forces["vertical"],
+        foreign_object=trapped_object(request.run),
+        course=cast("Course", request.course),
+    )
+    findings = [asdict(item) for item in wheel_findings(dataset)]
+    return {"findings": findings, "sheet": sheet_record(gauge_sheet(dataset))}

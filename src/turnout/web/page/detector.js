@@ -2,12 +2,13 @@
 import { post, send } from "./api.js";
 import { drawBlade } from "./blade.js";
 import { message } from "./live.js";
+import { layoutOf, PLAIN, styleOf, suffix } from "./sheet.js";
 import { on, state } from "./state.js";
 import { isOpen } from "./tabs.js";
 
 const byId = (id) => document.getElementById(id);
-const styleOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const LEVELS = { sound: "good", object: "bad" };
+const COLOURS = ["--accent", "--bad", "--on", "--missed", "--soft", "--ink"];
 const MILLI = 1000;
 let detector = null, judged = null;
 
@@ -60,24 +61,6 @@ function gaps(verdict) {
   byId("judged-gaps").replaceChildren(...(rows.length ? [row(["Virtual sensor", "Gap", "95 % interval [mm]", "Limit", ""], "th"), ...rows] : []));
 }
 
-const suffix = (number) => (number ? number + 1 : "");
-
-function layoutOf(sheet, { together }) {
-  const size = parseFloat(getComputedStyle(document.documentElement).fontSize), ink = styleOf("--ink"), grid = styleOf("--grid");
-  const layout = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 0.8 * size, family: "system-ui, DejaVu Sans, sans-serif" }, margin: { l: 4.6 * size, r: size, t: 0.6 * size, b: 2.6 * size }, hovermode: "x", legend: { orientation: "h", y: 1.16 }, shapes: [], showlegend: true };
-  const count = sheet.rows.length, gap = 0.09;
-  sheet.rows.forEach((row, number) => {
-    const s = suffix(number), high = (1 - gap * (count - 1)) / count, top = 1 - number * (high + gap), last = number === count - 1;
-    layout[`xaxis${s}`] = { anchor: `y${s}`, matches: number ? "x" : undefined, gridcolor: grid, zeroline: false, showticklabels: last, title: last ? { text: sheet.x_label, standoff: 2 } : undefined };
-    if (together) Object.assign(layout[`xaxis${s}`], { dtick: sheet.rows[0].lines[0].x.length < 20 ? 1 : undefined });
-    layout[`yaxis${s}`] = { anchor: `x${s}`, domain: [Math.max(top - high, 0), top], gridcolor: grid, zerolinecolor: grid, title: { text: row.label.replaceAll("\n", "<br>"), standoff: 3 } };
-    for (const level of row.levels) layout.shapes.push({ type: "line", xref: `x${s} domain`, yref: `y${s}`, x0: 0, x1: 1, y0: level.at, y1: level.at, line: { color: styleOf("--bad"), width: 1, dash: "dash" } });
-  });
-  return layout;
-}
-
-const COLOURS = ["--accent", "--bad", "--on", "--missed", "--soft", "--ink"];
-
 function band(sheet) {
   const looks = {
     low: { line: { width: 0 }, showlegend: false, hoverinfo: "skip" },
@@ -88,7 +71,7 @@ function band(sheet) {
   const traces = sheet.rows.flatMap((row, number) => row.lines.map((line) => ({
     type: "scatter", mode: "lines", name: line.label, x: line.x, y: line.y, xaxis: `x${suffix(number)}`, yaxis: `y${suffix(number)}`, ...looks[line.label], ...(number ? { showlegend: false } : {}),
   })));
-  Plotly.react(byId("judged-band"), traces, layoutOf(sheet, { together: false }), { responsive: false, displaylogo: false, displayModeBar: false });
+  Plotly.react(byId("judged-band"), traces, layoutOf(sheet, { together: false }), PLAIN);
 }
 
 function trends() {
@@ -101,7 +84,7 @@ function trends() {
     const colour = styleOf(COLOURS[order++ % COLOURS.length]);
     return { type: "scatter", mode: "lines+markers", name: line.label, x: line.x, y: line.y, xaxis: `x${suffix(number)}`, yaxis: `y${suffix(number)}`, line: { color: colour, width: 1.3, dash: ["solid", "dash", "dot", "dashdot"][number] }, marker: { color: colour, size: 5 } };
   }));
-  Plotly.react(byId("judged-trends"), traces, layoutOf(sheet, { together: true }), { responsive: false, displaylogo: false, displayModeBar: false });
+  Plotly.react(byId("judged-trends"), traces, layoutOf(sheet, { together: true }), PLAIN);
 }
 
 function draw() {

@@ -14,6 +14,7 @@ import { startPlayer } from "./player.js";
 import { startSplitters } from "./split.js";
 import { isOpen, startTabs } from "./tabs.js";
 import { startVerdict } from "./verdict.js";
+import { startWheel } from "./wheel.js";
 import { on, state, notify } from "./state.js";
 
 function keep(key, attribute, select) {
@@ -61,6 +62,7 @@ async function run() {
   startCurves();
   startCompare();
   startMap();
+  startWheel();
   startLimit();
   startDetector();
   useMaps(chosenMap);
