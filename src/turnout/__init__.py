@@ -41,8 +41,8 @@ NAMES = {
     # Point machines
     "load_machines": "turnout.machine.machine_file",
     "LoadedMachines": "turnout.machine.machine_file",
-    "throw_one_mass": "turnout.machine.one_mass_throw",
-    "MachineThrow": "turnout.machine.one_mass_throw",
+    "throw_one_mass": "turnout.throw.machine",
+    "MachineThrow": "turnout.throw.machine",
     "machine_dataset": "turnout.throw.machine",
     "fit_machines": "turnout.api.machine",
     "Monitoring": "turnout.measurement.chain.monitoring",

@@ -39,8 +39,6 @@ from turnout.detection.pod.pod_table import TestThrows as TestThrows
 from turnout.detection.pod.pod_table import read_test_throws as read_test_throws
 from turnout.machine.machine_file import LoadedMachines as LoadedMachines
 from turnout.machine.machine_file import load_machines as load_machines
-from turnout.machine.one_mass_throw import MachineThrow as MachineThrow
-from turnout.machine.one_mass_throw import throw_one_mass as throw_one_mass
 from turnout.measurement.chain.monitoring import Monitoring as Monitoring
 from turnout.measurement.chain.monitoring import monitored as monitored
 from turnout.measurement.formats.file_format import read_recording as read_recording
@@ -56,7 +54,9 @@ from turnout.solver.outcome import NotConverged as NotConverged
 from turnout.study.throw_table import CompiledThrows as CompiledThrows
 from turnout.study.throw_table import compile_throws as compile
 from turnout.throw.drift import Drift as Drift
+from turnout.throw.machine import MachineThrow as MachineThrow
 from turnout.throw.machine import machine_dataset as machine_dataset
+from turnout.throw.machine import throw_one_mass as throw_one_mass
 from turnout.throw.save import Save as Save
 from turnout.throw.sequence import simulate_sequence as simulate_sequence
 from turnout.throw.simulate import simulate as simulate

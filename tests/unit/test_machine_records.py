@@ -9,7 +9,7 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import turnout
-import turnout.machine.one_mass_throw as throw_module
+import turnout.solver.integration as solver_module
 from turnout.cli.machine import app
 from turnout.core.errors import FileError, MachineError
 from turnout.core.keys import origin_at
@@ -19,9 +19,10 @@ from turnout.machine.compute import places
 from turnout.machine.compute.rail import rod_position
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
 from turnout.machine.motor_kind import MOTOR_KINDS, Motor, PermanentMagnet
-from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point, stall_text
+from turnout.solver.outcome import Code
+from turnout.throw.machine import throw_one_mass
 
 SHORT = {"throw.duration": 0.3}
 
@@ -211,11 +212,11 @@ def test_default_command_starts_at_once() -> None:
 
 def test_a_run_that_does_not_converge(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """No machine found so far does that: the kernel is kept from it."""
-    monkeypatch.setattr(throw_module, "throw_kernel", lambda *_: 7)
+    monkeypatch.setattr(solver_module, "_march", lambda *_: (Code.NOT_CONVERGED, 70))
     out = tmp_path / "run.nc"
     run = CliRunner().invoke(app, ["run", "sb3", "--out", str(out)])
     assert run.exit_code == 3
-    assert "did not converge at t = 0.0070 s" in run.stderr
+    assert "not converged at t = 0.0035 s" in run.stderr
     assert not out.exists()
 
 

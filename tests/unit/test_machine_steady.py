@@ -9,11 +9,11 @@ from turnout.core.scheme import Scheme
 from turnout.machine.components import Machine
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_kind import breakdown_point
-from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.steady import blind_text, load_range, slip_point, stall_text, steady_lines
 from turnout.metric.panel_check import blind_concerns, supply_concerns
 from turnout.metric.summary import summary
 from turnout.panel.load import load_panel
+from turnout.throw.machine import throw_one_mass
 from turnout.throw.simulate import simulate
 
 

@@ -12,7 +12,6 @@ from turnout.cli.main import app
 from turnout.core.errors import MeasurementError, TurnoutError
 from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
-from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.measurement.chain.apply import apply_chain, parse_channel_map
 from turnout.measurement.chain.monitoring import monitoring_of
 from turnout.measurement.chain.skeleton import skeleton
@@ -21,7 +20,7 @@ from turnout.panel.load import load_panel
 from turnout.study.virtual.campaign_plan import CampaignPlan, check_plan
 from turnout.study.virtual.make_campaign import make_virtual_campaign
 from turnout.study.virtual.record_throw import Window
-from turnout.throw.machine import machine_dataset
+from turnout.throw.machine import machine_dataset, throw_one_mass
 from turnout.throw.simulate import simulate
 from turnout.throw.store import save_response
 

@@ -6,7 +6,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from turnout.core.units import SI
+from turnout.machine.components import Machine
+from turnout.machine.compute import places as at
+from turnout.machine.compute.machine_step import MachineArrays
 from turnout.machine.motor_kind import Motor, breakdown_point
+from turnout.machine.rows import machine_room
 
 PEAK_CURRENT, PEAK_TIME = 10.295559, 18.264424e-3
 """Of the start of a bare motor with V 220, R 15, L 0.15, k 0.99, J 2e-3: closed form."""
@@ -179,3 +183,27 @@ def random_induction_overrides(generator: np.random.Generator) -> dict[str, obje
         "clutch.torque": torque,
         "clutch.stiffness": spread(100.0, 500.0) * 7.5e5 / ratio**2,
     }
+
+
+def on_a_rail_without_force(constants: np.ndarray) -> MachineArrays:
+    """Arrays of a machine with a screw, on a rail that yields to nothing."""
+    room = machine_room(1, events=1)
+    room.rails[0, at.RAIL_STEP] = 1.0
+    none = np.zeros((0, 2))
+    return MachineArrays(
+        constants, room.rails[0], np.zeros((2, 5)), none, room.work[0], room.log[0]
+    )
+
+
+def stored_energy(machine: Machine, constants: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Energy in coil, fluxes, inertias and clutch of some states [J]."""
+    stores = (
+        (at.INDUCTANCE, at.CURRENT),
+        (at.MOTOR_INERTIA, at.SPEED),
+        (at.GEAR_INERTIA, at.GEAR_SPEED),
+        (at.CLUTCH_STIFFNESS, at.TWIST),
+    )
+    energy = machine.motor.of_kind.field_energies(constants, states)
+    for factor, place in stores:
+        energy += 0.5 * constants[factor] * states[:, place] ** 2
+    return np.asarray(energy)

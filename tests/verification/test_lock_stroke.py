@@ -11,11 +11,11 @@ import pytest
 
 from turnout.core.errors import MachineError, PanelError
 from turnout.machine.machine_file import load_machines
-from turnout.machine.one_mass_throw import throw_one_mass
 from turnout.machine.rows import CORNER
 from turnout.machine.steady import steady_point
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_positions
+from turnout.throw.machine import throw_one_mass
 from turnout.throw.simulate import simulate
 
 STROKE = 0.014

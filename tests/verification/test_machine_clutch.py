@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
+from turnout.throw.machine import MachineThrow, throw_one_mass
 
 WALL = {"rail.object_size": 0.013, "throw.duration": 3.5, "circuit.time_out": 4.0}
 TORQUE, RATIO, EFFICIENCY = 6000 / (5600 * 0.9), 5600, 0.9

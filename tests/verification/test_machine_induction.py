@@ -9,11 +9,12 @@ import math
 
 import numpy as np
 import pytest
+from tests.verification.machines import on_a_rail_without_force, stored_energy
 from tests.verification.reference import DATA
 
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
-from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
+from turnout.machine.compute.machine_step import accept_step, take_step
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_kind import (
     Motor,
@@ -22,7 +23,7 @@ from turnout.machine.motor_kind import (
     gamma_point,
     line_power,
 )
-from turnout.machine.rows import machine_row, work_rows
+from turnout.machine.rows import machine_row
 from turnout.machine.steady import steady_point, torque_for
 
 RESISTANCE, ROTOR, LEAKAGE, MAIN = 3.7, 2.1, 0.021, 0.224
@@ -70,26 +71,25 @@ def started(
     The load is a dry torque, `loads` gives it by the time from which it acts.
     """
     constants = machine_row(machine)
-    rail, table, work = np.zeros(at.RAIL_CONSTANTS), np.zeros((2, 5)), work_rows()
-    rail[at.RAIL_STEP] = 1.0
+    arrays = on_a_rail_without_force(constants)
     state = np.zeros(at.STATES)
     state[at.ENERGISED], state[at.DIRECTION], state[at.LOCKED] = 1.0, 1.0, 1.0
     state[at.LEVEL], state[at.GEAR_RATIO] = 1e-13, 1.0
-    kept, stored = [state.copy()], [stored_energy(constants, rail, state)]
+    kept = [state.copy()]
     for number in range(round(end / step)):
         time = number * step
         state[at.STILL_TORQUE] = [v for t, v in loads.items() if time >= t - 1e-12][-1]
         left, h = step, step
         while left > 0.0:
-            if take_step(constants, rail, table, state, time + step - left, h, work):
+            if take_step(arrays, state, time + step - left, h):
                 h *= 0.5
                 assert h > 1e-3 * step
                 continue
-            accept_step(constants, rail, table, state, time + step - left, h, work)
+            accept_step(arrays, state, time + step - left, h)
             left -= h
         kept.append(state.copy())
-        stored.append(stored_energy(constants, rail, state))
-    return constants, np.array(kept), np.array(stored)
+    states = np.array(kept)
+    return constants, states, stored_energy(machine, constants, states)
 
 
 def test_inverse_gamma_parameters() -> None:

@@ -21,7 +21,7 @@ import pytest
 
 from turnout.core.keys import origin_at
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
-from turnout.machine.one_mass_throw import throw_one_mass
+from turnout.throw.machine import throw_one_mass
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pytest
 
 from turnout.core.errors import MachineError
 from turnout.machine.machine_file import load_machines
-from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
+from turnout.throw.machine import MachineThrow, throw_one_mass
 
 RATIO, DRY_FROM, DRY_TO = 0.5, -0.060, -0.035
 """There the bed is pressed and the rail slides, so that the rod is pushed."""

@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.verification.machines import on_a_rail_without_force, stored_energy
 from tests.verification.test_machine_induction import bare, random_motor, reference_motor
 
 from turnout.core.errors import MachineError
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import lost_phase_circuit
-from turnout.machine.compute.machine_step import accept_step, stored_energy, take_step
+from turnout.machine.compute.machine_step import accept_step, take_step
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_kind import line_power
-from turnout.machine.one_mass_throw import throw_one_mass
-from turnout.machine.rows import machine_row, work_rows
+from turnout.machine.rows import machine_row
+from turnout.throw.machine import throw_one_mass
 
 SUPPLY = 2.0 * math.pi * 50.0
 
@@ -96,23 +97,22 @@ def test_slope_of_the_torque() -> None:
 def marched(machine: Machine, *, step: float, count: int, speed: float, load: float) -> Any:
     """Return states of a motor that turns and has lost a phase, and what it stores."""
     constants = machine_row(machine)
-    rail, table, work = np.zeros(at.RAIL_CONSTANTS), np.zeros((2, 5)), work_rows()
-    rail[at.RAIL_STEP] = 1.0
+    arrays = on_a_rail_without_force(constants)
     state = state_at(constants, speed)
     state[at.STILL_TORQUE] = load
-    kept, stored = [state.copy()], [stored_energy(constants, rail, state)]
+    kept = [state.copy()]
     for number in range(count):
         left, h = step, step
         while left > 0.0:
-            if take_step(constants, rail, table, state, number * step, h, work):
+            if take_step(arrays, state, number * step, h):
                 h *= 0.5
                 assert h > 1e-3 * step
                 continue
-            accept_step(constants, rail, table, state, number * step, h, work)
+            accept_step(arrays, state, number * step, h)
             left -= h
         kept.append(state.copy())
-        stored.append(stored_energy(constants, rail, state))
-    return np.array(kept), np.array(stored)
+    states = np.array(kept)
+    return states, stored_energy(machine, constants, states)
 
 
 def test_energy_of_random_motors() -> None:

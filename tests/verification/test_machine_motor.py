@@ -15,8 +15,8 @@ from tests.verification.machines import (
 )
 
 from turnout.machine.machine_file import load_machines
-from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
 from turnout.machine.steady import shaft_travel, slip_point, steady_point, torque_for
+from turnout.throw.machine import MachineThrow, throw_one_mass
 
 SLIPPING = {"rail.object_size": 0.1, "throw.duration": 2.0}
 

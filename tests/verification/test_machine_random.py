@@ -13,7 +13,7 @@ import pytest
 from tests.verification.machines import random_induction_overrides, random_overrides
 
 from turnout.machine.machine_file import load_machines
-from turnout.machine.one_mass_throw import throw_one_mass
+from turnout.throw.machine import throw_one_mass
 
 
 def throw_many(

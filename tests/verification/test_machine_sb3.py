@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turnout.machine.one_mass_throw import MachineThrow, throw_one_mass
+from turnout.throw.machine import MachineThrow, throw_one_mass
 
 DATA = Path(__file__).parent / "data"
 BEFORE = {"throw.duration": 8.8, "rail.object_size": 0.013}
@@ -109,7 +109,7 @@ def test_each_energy(pair: tuple[str, MachineThrow, dict[str, np.ndarray]]) -> N
     supplied = float(theirs["energy_supply"][0])
     for name in theirs:
         if name.startswith("energy_"):
-            # 1e-5 of the supplied energy: the terms by their own sums, at 0.1 ms
+            # 1e-5 of the supplied energy: the terms by their own sums, at 0.05 ms
             assert ours[name][-1] == pytest.approx(float(theirs[name][0]), abs=1e-5 * supplied), (
                 name
             )
@@ -195,7 +195,7 @@ def test_hand_crank(throws: dict[str, MachineThrow]) -> None:
 
 def test_halved_step_moves_little(throws: dict[str, MachineThrow]) -> None:
     for name in ("S1", "S2", "S4"):
-        finer = throw_one_mass("sb3", overrides=CASES[name] | {"throw.step": 5e-5})
+        finer = throw_one_mass("sb3", overrides=CASES[name] | {"throw.step": 2.5e-5})
         for channel in ("current", "rod_force"):
             difference = finer[channel] - throws[name][channel]
             rms = np.sqrt(np.mean(difference**2))

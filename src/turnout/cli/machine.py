@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from turnout.calibration.machine_fit import DriveFit, MachineFit
     from turnout.core.units import Dimension
     from turnout.machine.machine_file import LoadedMachines
-    from turnout.machine.one_mass_throw import MachineThrow
+    from turnout.throw.machine import MachineThrow
 
 FINAL_CURRENT_WINDOW = 0.1
 """Before the cut-off, over which last current and power are averaged [s]."""
@@ -102,14 +102,13 @@ def machine_run_command(
     settings: MachineSetOption = [],  # noqa: B006 - typer copies it
 ) -> None:
     """Simulate a machine throwing a one-mass rail: current, force, events, energy."""
-    from turnout.machine.compute.circuit import throw as kernel
     from turnout.machine.machine_file import load_machines
-    from turnout.machine.one_mass_throw import throw_one_mass
-    from turnout.throw.compilation import must_compile
+    from turnout.throw.compilation import WITH_MACHINES, must_compile
+    from turnout.throw.machine import machine_dataset, throw_one_mass
 
     loaded = load_machines(machine).with_settings(settings)
-    if must_compile(kernel):
-        note("compiling kernels, first run only (5 to 20 s)")
+    if must_compile(WITH_MACHINES):
+        note("compiling kernels, first run only (about half a minute)")
     try:
         throw = throw_one_mass(loaded)
     except SolverError as error:
@@ -119,14 +118,11 @@ def machine_run_command(
     output.show(*throw_lines(throw, record), *_notes(loaded, throw))
     if output["out"] or output["plot"]:
         from turnout.figures.machine import plot_machine
-        from turnout.throw.machine import machine_dataset
 
         dataset = machine_dataset(throw)
         output.dataset(output["out"], dataset)
         output.figure(output["plot"], plot_machine, dataset)
     output.json(lambda: record, units=THROW_UNITS)
-    if not throw.is_balanced:
-        raise typer.Exit(INCOMPLETE)
 
 
 def machine_record(loaded: "LoadedMachines") -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""From the records of a machine and a rail to the rows of floats that the kernels read."""
+"""From the records of a machine to the rows of floats that the kernels read."""
 
 import math
 from collections.abc import Sequence
@@ -7,12 +7,12 @@ import numpy as np
 
 from turnout.core.errors import MachineError
 from turnout.law.table import Floats
-from turnout.machine.components import Command, Machine, OneMassRail, Stroke
+from turnout.machine.components import Command, Machine, Stroke
 from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import kinetic_level, switch_off
 from turnout.machine.compute.couple import Room
 from turnout.machine.compute.machine_step import WORK_ROWS
-from turnout.machine.compute.rail import bed_force, rod_position
+from turnout.machine.compute.rail import rod_position
 from turnout.machine.motor_kind import copper_factor, line_resistance, nominal_voltage
 
 
@@ -168,7 +168,6 @@ def _circuit_entries(machine: Machine) -> dict[int, float]:
         at.OVERLOAD_TIME: circuit.overload_time,
         at.DETECTION_OPEN: _or(circuit.detection_open, -math.inf),
         at.DETECTION_CLOSED: _or(circuit.detection_closed, math.inf),
-        at.LOCK_GAP: _or(circuit.lock_gap, math.inf),
         at.HOLDS: float(circuit.holding == "lock"),
         at.HAND_GAIN: hand.stiffness if hand else 0.0,
         at.HAND_SPEED: hand.speed if hand else 0.0,
@@ -201,20 +200,6 @@ def machine_row(machine: Machine, *, limits: bool = True) -> Floats:
     return row
 
 
-def rail_row(rail: OneMassRail) -> Floats:
-    """Return the constants of a one-mass rail."""
-    row = np.zeros(at.RAIL_CONSTANTS)
-    row[at.ONE_MASS] = 1.0
-    row[at.RAIL_MASS], row[at.RAIL_DAMPING] = rail.mass, rail.damping
-    row[at.BED_STIFFNESS], row[at.BED_REST] = rail.bed_stiffness, rail.bed_rest
-    row[at.FRICTION_FORCE] = rail.friction_force
-    row[at.FRICTION_STIFFNESS] = rail.friction_stiffness
-    row[at.STOP_STIFFNESS] = rail.stop_stiffness
-    if rail.object_size is not None:
-        row[at.OBJECT_SIZE], row[at.OBJECT_STIFFNESS] = rail.object_size, rail.object_stiffness
-    return row
-
-
 def start_state(machine: Machine, constants: Floats, position: float) -> Floats:
     """Return the state of a machine at rest: de-energised, clutch unloaded, held by its lock."""
     state = np.zeros(at.STATES)
@@ -231,32 +216,6 @@ def start_state(machine: Machine, constants: Floats, position: float) -> Floats:
     return state
 
 
-def rest_on(rail: Floats, constants: Floats, state: Floats, *, friction_share: float) -> None:
-    """Put a one-mass rail into equilibrium with the rod; changes the state.
-
-    The friction acts with a share of its limit, positive against the closing direction.
-    """
-    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
-
-    x, play = state[at.ROD_POSITION], 0.5 * constants[at.ROD_PLAY]
-    friction = friction_share * rail[at.FRICTION_FORCE]
-
-    def rod_force(y: float) -> float:
-        stretch = x - y
-        return float(constants[at.ROD_STIFFNESS] * (stretch - np.clip(stretch, -play, play)))
-
-    def out_of_balance(y: float) -> float:
-        return float(bed_force(rail, y)[0] + friction - rod_force(y))
-
-    reach = 1.0
-    while out_of_balance(x - reach) > 0.0 or out_of_balance(x + reach) < 0.0:
-        reach *= 2.0
-    y = brentq(out_of_balance, x - reach, x + reach, xtol=1e-16, rtol=1e-15, maxiter=500)
-    state[at.RAIL_POSITION] = y
-    state[at.RAIL_TWIST] = friction / rail[at.FRICTION_STIFFNESS]
-    state[at.ROD_FORCE] = rod_force(y)
-
-
 def command_rows(commands: Sequence[Command]) -> Floats:
     """Return time and direction of each command."""
     rows = [(c.time, 1.0 if c.direction == "close" else -1.0) for c in commands]
@@ -271,8 +230,3 @@ def machine_room(count: int, *, events: int) -> Room:
         log=np.zeros((count, events, 2)),
         plain=np.zeros(count),
     )
-
-
-def work_rows() -> Floats:
-    """Return room for the stages of a step."""
-    return np.zeros((WORK_ROWS, at.ROD_FORCE + 1))

@@ -5,6 +5,9 @@ from typing import Any
 from turnout.core.cache_folder import why_private
 from turnout.solver import march
 
+WITH_MACHINES: Any = march.march_with_machines
+"""Time loop of rails that machines move."""
+
 
 def must_compile(kernel: Any = march.march) -> bool:
     """Return True if the next run compiles the kernels, which takes half a minute or more.

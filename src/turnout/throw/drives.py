@@ -178,9 +178,9 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
 
     power, apparent = np.empty((2, *state.shape[:2]))
     for number in range(len(machines.names)):
-        power[:, number], apparent[:, number] = _powers(machines, number)
+        power[:, number], apparent[:, number] = machine_powers(machines, number)
     alternating = any(machine.motor.of_kind.alternating for machine in machines.records)
-    currents = [_current(machines, number) for number in range(len(machines.names))]
+    currents = [machine_current(machines, number) for number in range(len(machines.names))]
     found = {
         "drive_current": of_drives(np.stack(currents, axis=1)),
         "drive_voltage": of_drives(state[:, :, at.SUPPLIED]),
@@ -195,17 +195,17 @@ def machine_signals(panel: Panel, history: History) -> dict[str, Channel]:
     return found
 
 
-def _powers(machines: MachineHistory, number: int) -> tuple[Floats, Floats]:
+def machine_powers(machines: MachineHistory, number: int) -> tuple[Floats, Floats]:
     """Return active [W] and apparent power [V A] of a machine over time."""
     kind = machines.records[number].motor.of_kind
     return kind.powers(machines.constants[number], machines.states[:, number])
 
 
-def _current(machines: MachineHistory, number: int) -> Floats:
+def machine_current(machines: MachineHistory, number: int) -> Floats:
     """Return the current of a machine over time where it is measured [A]."""
     machine = machines.records[number]
     if machine.circuit.measured_current == "supply":
-        return _powers(machines, number)[0] / nominal_voltage(machine.motor, machine.supply)
+        return machine_powers(machines, number)[0] / nominal_voltage(machine.motor, machine.supply)
     lead: Floats = machines.states[:, number, at.CURRENT]
     return lead
 
@@ -274,7 +274,7 @@ def machine_labels(panel: Panel, history: History) -> dict[str, Channel]:
     if machines is None:
         return {}
     found = np.full((3, len(names), 2), np.nan)
-    currents = [np.abs(_current(machines, number)) for number in range(len(machines.names))]
+    currents = [np.abs(machine_current(machines, number)) for number in range(len(machines.names))]
     for duty in machines.duties:
         row = currents[machines.names.index(duty.drive)]
         off = duty.off if np.isfinite(duty.off) else np.inf

@@ -30,12 +30,11 @@ from turnout.solver.arrange import clear_memory
 from turnout.solver.energy import LEDGER
 from turnout.solver.energy_rows import STORED
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
-from turnout.solver.march import march_with_machines
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
 from turnout.solver.watch import Watch
 from turnout.throw.breaking import break_attributes, peak_attributes
-from turnout.throw.compilation import must_compile
+from turnout.throw.compilation import WITH_MACHINES, must_compile
 from turnout.throw.save import Save
 
 if TYPE_CHECKING:
@@ -307,7 +306,7 @@ def plan_throw(
     """
     began = time.perf_counter()
     machines = any(drive.machine is not None for drive in panel.drive.values())
-    if machines and must_compile(march_with_machines):
+    if machines and must_compile(WITH_MACHINES):
         compile_kernels(machines=True)
     elif must_compile():
         compile_kernels()

@@ -18,9 +18,9 @@ from turnout.machine.compute.induction import lose_phase
 from turnout.machine.compute.machine_step import (
     FIRST,
     SECOND,
+    MachineArrays,
     accept_step,
-    span_of,
-    stored_energy,
+    rail_at,
     take_step,
 )
 from turnout.machine.compute.motor import drop_field, supplied_voltage
@@ -38,8 +38,11 @@ LEAST_LEVEL = 0.05
 """Share of the level of the new clutch that heat and wear leave at least."""
 REACHED = 1e-12
 """Share of its level by which a clutch may be below it and count as slipping."""
-REPEATED = 1e-9
-"""Share by which a state may still change within a step that counts as one of many alike."""
+REPEATED = 1e-6
+"""Share of itself per time by which a state may still change in a step that is as the next [1/s].
+
+The power by which the energy balance does not close then is that share of what is stored.
+"""
 
 
 # --- the clutch from step to step
@@ -118,8 +121,9 @@ def switch_off(constants: Floats, state: Floats) -> None:
 
 
 @compiled_part
-def next_instant(constants: Floats, state: Floats, commands: Floats, time: float) -> float:
+def next_instant(machine: MachineArrays, state: Floats, time: float) -> float:
     """Return the next known switching instant, inf if there is none [s]."""
+    constants, commands = machine.constants, machine.commands
     instant = math.inf
     row = int(state[at.NEXT_COMMAND])
     if row < commands.shape[0]:
@@ -139,10 +143,9 @@ def next_instant(constants: Floats, state: Floats, commands: Floats, time: float
 
 
 @compiled_part
-def switch_due(
-    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
-) -> None:
+def switch_due(machine: MachineArrays, state: Floats, time: float) -> None:
     """Switch what is due at an instant; a command while energised reverses the motor at once."""
+    constants, commands, log = machine.constants, machine.commands, machine.log
     now = time + INSTANT
     if state[at.PHASE_LOST] == 0.0 and now >= constants[at.PHASE_LOST_TIME]:
         lose_phase(constants, state)
@@ -176,15 +179,13 @@ def _lock_standing(constants: Floats, state: Floats, log: Floats, time: float) -
 
 
 @compiled_part
-def switch_all_due(
-    constants: Floats, state: Floats, commands: Floats, time: float, log: Floats
-) -> float:
+def switch_all_due(machine: MachineArrays, state: Floats, time: float) -> float:
     """Switch all that is due at an instant, and return the next one [s]."""
-    instant = next_instant(constants, state, commands, time)
+    instant = next_instant(machine, state, time)
     while instant <= time + INSTANT:
-        switch_due(constants, state, commands, time, log)
-        _lock_standing(constants, state, log, time)
-        instant = next_instant(constants, state, commands, time)
+        switch_due(machine, state, time)
+        _lock_standing(machine.constants, state, machine.log, time)
+        instant = next_instant(machine, state, time)
     return instant
 
 
@@ -206,15 +207,9 @@ def beyond_limit(constants: Floats, state: Floats, angle: float) -> float:
 
 
 @compiled
-def _locate_limit(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-) -> float:
+def _locate_limit(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> float:
     """Return the length of the step that ends where the limit contact opens, and take it."""
+    constants, work = machine.constants, machine.work
     time, step = span
     low, high = 0.0, step
     f_low = beyond_limit(constants, state, state[at.GEAR_ANGLE])
@@ -224,7 +219,7 @@ def _locate_limit(
         h = low + (high - low) * f_low / (f_low - f_high)
         if not low < h < high:
             h = 0.5 * (low + high)
-        if take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
+        if take_step(machine, state, time, h) != at.CONVERGED:
             return -1.0
         f = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
         if abs(f) <= ANGLE_ROUNDING or high - low <= 1e-15:
@@ -243,22 +238,16 @@ def _locate_limit(
 
 
 @compiled
-def _locate_turn(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-) -> float:
+def _locate_turn(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> float:
     """Return the length of the step at whose end the gear stands, and take it."""
+    work = machine.work
     time, step = span
     before = state[at.GEAR_SPEED]
     low, high = 0.0, step
     h = step
     for _ in range(LOCATE):
         h = 0.5 * (low + high)
-        if take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
+        if take_step(machine, state, time, h) != at.CONVERGED:
             return -1.0
         w2 = work[SECOND, at.GEAR_SPEED]
         if w2 == 0.0 or abs(w2) <= 1e-9 * abs(before):
@@ -271,21 +260,8 @@ def _locate_turn(
 
 
 @compiled_part
-def rail_is_home(constants: Floats, rail: Floats, state: Floats) -> bool:
-    """Return whether the rail is near enough for the lock; true where the rail is not here."""
-    if rail[at.ONE_MASS] == 0.0 or state[at.DIRECTION] < 0.0:
-        return True
-    return bool(state[at.RAIL_POSITION] >= -constants[at.LOCK_GAP])
-
-
-@compiled_part
 def _after_step(
-    constants: Floats,
-    rail: Floats,
-    state: Floats,
-    log: Floats,
-    times: tuple[float, float],
-    x_before: float,
+    constants: Floats, state: Floats, log: Floats, times: tuple[float, float], x_before: float
 ) -> None:
     """Update contacts and relay from the state at the end of a step."""
     before, time = times
@@ -304,8 +280,7 @@ def _after_step(
         state[at.OVERLOAD_SINCE] = math.inf
     elif state[at.OVERLOAD_SINCE] == math.inf:
         state[at.OVERLOAD_SINCE] = before
-    reached = beyond_limit(constants, state, state[at.GEAR_ANGLE]) >= -ANGLE_ROUNDING
-    if reached and rail_is_home(constants, rail, state):
+    if beyond_limit(constants, state, state[at.GEAR_ANGLE]) >= -ANGLE_ROUNDING:
         state[at.CUTOFF_TIME] = time + constants[at.CUTOFF_DELAY]
 
 
@@ -328,20 +303,13 @@ def set_local_faults(constants: Floats, state: Floats) -> None:
 
 
 @compiled
-def _piece(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-    log: Floats,
-) -> float:
+def _piece(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> float:
     """Take one step of at most the given length and return its length; negative on failure."""
+    constants, work = machine.constants, machine.work
     time, h = span
     set_local_faults(constants, state)
     halvings = 0
-    while take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
+    while take_step(machine, state, time, h) != at.CONVERGED:
         halvings += 1
         if halvings > HALVINGS:
             return -1.0
@@ -350,11 +318,11 @@ def _piece(
     over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
     before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
     if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
-        h = _locate_limit(constants, rail, table, state, (time, h), work)
+        h = _locate_limit(machine, state, (time, h))
     if h > 0.0 and _turns_round(constants, state, work):
-        h = _locate_turn(constants, rail, table, state, (time, h), work)
+        h = _locate_turn(machine, state, (time, h))
     if h > 0.0:
-        _finish_step(constants, rail, table, state, (time, h), work, log)
+        _finish_step(machine, state, (time, h))
     return h
 
 
@@ -375,22 +343,15 @@ def _turns_round(constants: Floats, state: Floats, work: Floats) -> bool:
 
 
 @compiled
-def _finish_step(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-    log: Floats,
-) -> None:
+def _finish_step(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> None:
     """Make the end of a step the state, with what clutch, contacts, relay and lock do there."""
+    constants, log = machine.constants, machine.log
     time, h = span
     locks = _may_lock(constants, state)
     x_before, w2_before = state[at.ROD_POSITION], state[at.GEAR_SPEED]
-    accept_step(constants, rail, table, state, time, h, work)
+    accept_step(machine, state, time, h)
     update_clutch(constants, state, h)
-    _after_step(constants, rail, state, log, (time, time + h), x_before)
+    _after_step(constants, state, log, (time, time + h), x_before)
     if locks and (
         state[at.GEAR_SPEED] == 0.0 or abs(state[at.GEAR_SPEED]) <= 1e-9 * abs(w2_before)
     ):
@@ -403,102 +364,76 @@ def _finish_step(
 
 
 @compiled_part
-def rests(constants: Floats, rail: Floats, state: Floats) -> bool:
+def rests(constants: Floats, state: Floats) -> bool:
     """Return whether nothing in the machine can move until the next switching instant."""
     off = state[at.ENERGISED] == 0.0 and state[at.CURRENT] == 0.0 and state[at.SPEED] == 0.0
     held = abs(constants[at.CLUTCH_STIFFNESS] * state[at.TWIST]) <= state[at.STILL_TORQUE]
-    return bool(off and held and state[at.LOCKED] > 0.0 and rail[at.ONE_MASS] == 0.0)
+    return bool(off and held and state[at.LOCKED] > 0.0)
 
 
 @compiled_part
-def _hold(
-    constants: Floats, rail: Floats, state: Floats, span: tuple[float, float]
-) -> tuple[float, float]:
-    """Return the force of a rod that stands, and the rail's position, at the end of a span."""
-    free, compliance = span_of(constants, rail, state, span[0] + span[1])[1:]
-    x, y = state[at.ROD_POSITION], state[at.RAIL_POSITION]
-    force, _, y = rail_side(constants, rail, span[1], state, free, compliance, y, x)
-    return force, y
+def _hold(machine: MachineArrays, state: Floats, time: float) -> float:
+    """Return the force of a rod that stands at a time [N]."""
+    free, compliance = rail_at(machine.rail, time)
+    return rail_side(machine.constants, free, compliance, state[at.ROD_POSITION])[0]
 
 
 @compiled
-def advance(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    commands: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-    log: Floats,
-) -> int:
+def advance(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> int:
     """Take a machine over a span of time.
 
     Parameters
     ----------
-    constants, rail, table : ndarray
-        Of the machine, of its rail, of its stroke.
-    commands : ndarray, shape (n_commands, 2)
-        Time [s] and direction (1 closing, -1 opening), rising in time.
+    machine : MachineArrays
     state : ndarray
         Changed to the end of the span.
     span : tuple of float
         Start and length [s]; the length is at most one step.
-    work : ndarray, shape (WORK_ROWS, ROD_FORCE + 1)
-    log : ndarray, shape (n, 2)
-        Receives time and event.
 
     Returns
     -------
     int
         CONVERGED or NOT_CONVERGED.
     """
+    constants = machine.constants
     time, end = span[0], span[0] + span[1]
-    if rests(constants, rail, state) and next_instant(constants, state, commands, time) > end:
-        state[at.ROD_FORCE], state[at.RAIL_POSITION] = _hold(constants, rail, state, span)
+    if rests(constants, state) and next_instant(machine, state, time) > end:
+        state[at.ROD_FORCE] = _hold(machine, state, end)
         return at.CONVERGED
     pieces = 0
     while True:
-        instant = switch_all_due(constants, state, commands, time, log)
+        instant = switch_all_due(machine, state, time)
         left = min(end, instant) - time
         if left <= INSTANT:
             return at.CONVERGED
         pieces += 1
         most = min(left, constants[at.LONGEST_STEP])
-        h = _piece(constants, rail, table, state, (time, most), work, log)
+        h = _piece(machine, state, (time, most))
         if h <= 0.0 or pieces > 1 << HALVINGS:
             return at.NOT_CONVERGED
         time = min(end, instant) if h == left else time + h
 
 
 @compiled_part
-def try_plain_step(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    commands: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-) -> bool:
+def try_plain_step(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> bool:
     """Solve a span in which nothing switches, where that is one step or rest; False otherwise.
 
     Takes what `advance` takes. The state stays as it is but for `set_local_faults`, so that the
     span may be tried again; `accept_plain_step` makes the state of it that `advance` would.
     """
+    constants, work = machine.constants, machine.work
     time, end = span[0], span[0] + span[1]
     h = end - time
-    if next_instant(constants, state, commands, time) <= end + INSTANT:
+    if next_instant(machine, state, time) <= end + INSTANT:
         return False
-    if rests(constants, rail, state):
+    if rests(constants, state):
         work[SECOND, at.ROD_POSITION] = state[at.ROD_POSITION]
-        held = _hold(constants, rail, state, span)
-        work[SECOND, at.ROD_FORCE], work[SECOND, at.RAIL_POSITION] = held
+        work[SECOND, at.ROD_FORCE] = _hold(machine, state, end)
         return True
     if h > constants[at.LONGEST_STEP]:
         return False
     set_local_faults(constants, state)
-    if take_step(constants, rail, table, state, time, h, work) != at.CONVERGED:
+    if take_step(machine, state, time, h) != at.CONVERGED:
         return False
     over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
     before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
@@ -507,94 +442,35 @@ def try_plain_step(
 
 
 @compiled_part
-def repeats_step(
-    constants: Floats,
-    rail: Floats,
-    commands: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-) -> bool:
+def repeats_step(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> bool:
     """Return whether a span would be as the one before, which was one step or rest.
 
     The gear stands, and motor and clutch, if they turn, do so as in both stages of that step;
     nothing switches, and nothing depends on angles or on heat.
     """
+    constants = machine.constants
     time, end = span[0], span[0] + span[1]
-    if (
-        state[at.GEAR_SPEED] != 0.0
-        or next_instant(constants, state, commands, time) <= end + INSTANT
-    ):
+    if state[at.GEAR_SPEED] != 0.0 or next_instant(machine, state, time) <= end + INSTANT:
         return False
-    if rests(constants, rail, state):
+    if rests(constants, state):
         return True
     varies = constants[at.LEVEL_PER_KELVIN] != 0.0 or constants[at.LEVEL_PER_JOULE] != 0.0
     if varies or constants[at.CONTACT_LOSS] > 0.0:
         return False
-    first, second = work[FIRST], work[SECOND]
+    first, second = machine.work[FIRST], machine.work[SECOND]
     for place in range(at.INTEGRATED):
         change = max(abs(second[place] - first[place]), abs(state[place] - second[place]))
-        if not change <= REPEATED * abs(second[place]):
+        if not change <= REPEATED * span[1] * abs(second[place]):
             return False
     return True
 
 
 @compiled_part
-def accept_plain_step(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    commands: Floats,
-    state: Floats,
-    span: tuple[float, float],
-    work: Floats,
-    log: Floats,
-) -> None:
+def accept_plain_step(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> None:
     """Make the end of a span that `try_plain_step` has solved the state."""
     time, end = span[0], span[0] + span[1]
-    if rests(constants, rail, state):
-        state[at.ROD_FORCE] = work[SECOND, at.ROD_FORCE]
-        state[at.RAIL_POSITION] = work[SECOND, at.RAIL_POSITION]
+    if rests(machine.constants, state):
+        state[at.ROD_FORCE] = machine.work[SECOND, at.ROD_FORCE]
         return
-    _finish_step(constants, rail, table, state, (time, end - time), work, log)
-    switch_all_due(constants, state, commands, end, log)
-
-
-@compiled
-def throw(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    commands: Floats,
-    state: Floats,
-    stepping: tuple[float, int, int],
-    work: Floats,
-    log: Floats,
-    kept: Floats,
-    stored: Floats,
-) -> int:
-    """March from time 0 and return the number of kept instants reached.
-
-    Parameters
-    ----------
-    stepping : tuple
-        Step [s], steps between kept instants, kept instants.
-    kept : ndarray, shape (n_kept + 1, STATES)
-        Receives the state rows; the first is the start.
-    stored : ndarray, shape (n_kept + 1,)
-        Receives the stored energy [J].
-    """
-    step, every, count = stepping
-    for k in range(state.size):
-        kept[0, k] = state[k]
-    stored[0] = stored_energy(constants, rail, state)
-    for row in range(count):
-        for sub in range(every):
-            time = (row * every + sub) * step
-            span = (time, (row * every + sub + 1) * step - time)
-            if advance(constants, rail, table, commands, state, span, work, log) != at.CONVERGED:
-                return row
-        for k in range(state.size):
-            kept[row + 1, k] = state[k]
-        stored[row + 1] = stored_energy(constants, rail, state)
-    return count
+    _finish_step(machine, state, (time, end - time))
+    switch_all_due(machine, state, end)

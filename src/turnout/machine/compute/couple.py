@@ -23,7 +23,7 @@ from turnout.machine.compute.circuit import (
     repeats_step,
     try_plain_step,
 )
-from turnout.machine.compute.machine_step import SECOND
+from turnout.machine.compute.machine_step import SECOND, MachineArrays
 from turnout.machine.compute.motor import supply_current
 
 SWEEPS = 40
@@ -73,6 +73,19 @@ class Room(NamedTuple):
     work: Floats
     log: Floats
     plain: Floats
+
+
+@compiled_part
+def _arrays_of(machines: Machines, room: Room, number: int) -> MachineArrays:
+    """Return the arrays of one machine."""
+    return MachineArrays(
+        machines.constants[number],
+        room.rails[number],
+        machines.tables[number],
+        machines.commands[number],
+        room.work[number],
+        room.log[number],
+    )
 
 
 @compiled_part
@@ -143,19 +156,16 @@ def try_machines(
             copy(state[number], trial[number])
     for _ in range(SWEEPS):
         for number in range(count):
-            rail = room.rails[number]
-            rail[at.ONE_MASS] = 0.0
+            machine, rail = _arrays_of(machines, room, number), room.rails[number]
             rail[at.RAIL_START], rail[at.RAIL_START_SPEED] = start[number], speed[number]
             rail[at.RAIL_FREE] = free[number] + _others_move(compliance, trial, number)
             rail[at.RAIL_COMPLIANCE] = compliance[number, number]
             rail[at.RAIL_TIME], rail[at.RAIL_STEP] = span
             room.plain[number] = 0.0
-            of_machine = (machines.constants[number], rail, machines.tables[number])
-            commands, work = machines.commands[number], room.work[number]
-            if not shared and try_plain_step(*of_machine, commands, state[number], span, work):
+            if not shared and try_plain_step(machine, state[number], span):
                 room.plain[number] = 1.0
-                trial[number, at.ROD_POSITION] = work[SECOND, at.ROD_POSITION]
-                trial[number, at.ROD_FORCE] = work[SECOND, at.ROD_FORCE]
+                trial[number, at.ROD_POSITION] = machine.work[SECOND, at.ROD_POSITION]
+                trial[number, at.ROD_FORCE] = machine.work[SECOND, at.ROD_FORCE]
                 continue
             drop, across = 0.0, 0.0
             if shared:
@@ -163,7 +173,7 @@ def try_machines(
             copy(state[number], trial[number])
             trial[number, at.SHARED_DROP] = machines.shared_resistance * drop
             trial[number, at.SHARED_DROP_ACROSS] = machines.shared_resistance * across
-            code = advance(*of_machine, commands, trial[number], span, work, room.log[number])
+            code = advance(machine, trial[number], span)
             if code != at.CONVERGED:
                 return code
         if _agree(machines, trial, free, compliance, room.rails):
@@ -201,16 +211,7 @@ def accept_machines(
             copy(trial[number], state[number])
             continue
         logged = state[number, at.EVENTS]
-        accept_plain_step(
-            machines.constants[number],
-            room.rails[number],
-            machines.tables[number],
-            machines.commands[number],
-            state[number],
-            span,
-            room.work[number],
-            room.log[number],
-        )
+        accept_plain_step(_arrays_of(machines, room, number), state[number], span)
         if state[number, at.EVENTS] > logged:
             room.plain[number] = 0.0
 
@@ -221,13 +222,7 @@ def machines_repeat(
 ) -> bool:
     """Return whether a step would be as the one accepted last, which may be accepted again."""
     for number in range(state.shape[0]):
-        if room.plain[number] == 0.0 or not repeats_step(
-            machines.constants[number],
-            room.rails[number],
-            machines.commands[number],
-            state[number],
-            span,
-            room.work[number],
-        ):
+        machine = _arrays_of(machines, room, number)
+        if room.plain[number] == 0.0 or not repeats_step(machine, state[number], span):
             return False
     return True

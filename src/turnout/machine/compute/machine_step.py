@@ -18,6 +18,7 @@ sign is guessed.
 """
 
 import math
+from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
@@ -28,12 +29,11 @@ from turnout.machine.compute.motor import (
     add_electrical_energy,
     fill_currents,
     fill_steady_currents,
-    flux_energy,
     into_field,
     motor_side,
     stage_curve,
 )
-from turnout.machine.compute.rail import bed_force, friction_twist, rail_side, rod_position
+from turnout.machine.compute.rail import rail_side, rod_position
 
 GAMMA = 1.0 - math.sqrt(0.5)
 """Length of a stage per length of the step."""
@@ -44,6 +44,31 @@ BASE, FIRST, SECOND, GUESS, CURVE, WORK_ROWS = range(6)
 GUESS_STEP, GUESS_MOTOR, GUESS_GEAR, GUESS_STAGE = range(4)
 """Of the row GUESS: length of the last step; change of both speeds in its first stage, and the
 places by which those of the second are further on."""
+
+
+class MachineArrays(NamedTuple):
+    """What the kernels of one machine read and write beside its state.
+
+    Attributes
+    ----------
+    constants, rail : ndarray, shape (CONSTANTS,), (RAIL_CONSTANTS,)
+        Of the machine, and of the rail at its rod for a step.
+    table : ndarray, shape (n, 5)
+        Of the stroke, see `turnout.machine.compute.rail.rod_position`.
+    commands : ndarray, shape (n_commands, 2)
+        Time [s] and direction (1 closing, -1 opening), rising in time.
+    work : ndarray, shape (WORK_ROWS, ROD_FORCE + 1)
+        Stages of a step and what follows, by the rows above.
+    log : ndarray, shape (n, 2)
+        Receives time [s] and event.
+    """
+
+    constants: Floats
+    rail: Floats
+    table: Floats
+    commands: Floats
+    work: Floats
+    log: Floats
 
 
 @compiled_part
@@ -57,24 +82,18 @@ def load_factor(constants: Floats, state: Floats, force: float, sign: float) -> 
 @compiled_part
 def _fill(
     constants: Floats,
-    rail: Floats,
     state: Floats,
     g: float,
     base: Floats,
     stage: Floats,
-    solution: tuple[float, float, float, float, float, float],
+    solution: tuple[float, float, float, float, float],
 ) -> None:
     """Write the solution of a stage; what a steady circuit carries follows when it is accepted."""
-    i, w1, w2, x, force, y = solution
+    i, w1, w2, x, force = solution
     stage[at.CURRENT], stage[at.SPEED], stage[at.GEAR_SPEED] = i, w1, w2
     stage[at.GEAR_ANGLE] = base[at.GEAR_ANGLE] + g * w2
     stage[at.ROD_POSITION], stage[at.ROD_FORCE] = x, force
-    stage[at.RAIL_POSITION] = y
     fill_currents(constants, state, g, base, stage, w1)
-    if rail[at.ONE_MASS] > 0.0:
-        moved = y - base[at.RAIL_POSITION]
-        stage[at.RAIL_SPEED] = moved / g
-        stage[at.RAIL_TWIST] = friction_twist(rail, base[at.RAIL_TWIST] + moved)[0]
 
 
 @compiled_part
@@ -85,63 +104,47 @@ def follow_gear(w1: float, change: float) -> float:
 
 
 @compiled
-def solve_stage(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    g: float,
-    base: Floats,
-    span: tuple[float, float, float],
-    stage: Floats,
-    known: Floats,
-) -> int:
+def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, stage: Floats) -> int:
     """Solve one stage; `stage` holds the guess and receives the solution.
 
     Parameters
     ----------
-    constants, rail : ndarray
-        Rows of the machine and of its rail.
-    table : ndarray, shape (n, 5)
-        Of the stroke, see `rod_position`.
+    machine : MachineArrays
+        Row BASE of its work holds what the earlier stages leave, row CURVE is that of
+        `known_curve`.
     state : ndarray
         Circuit, lock, clutch level, and whether the gear is dry here.
-    g : float
-        [s].
-    base : ndarray, shape (INTEGRATED,)
-        What the earlier stages leave.
-    span : tuple of float
-        Speed of the hand at the crank [rad/s], position of an affine rail without rod force [m]
-        and its compliance [m/N], at the end of the stage.
+    g, end : float
+        Length and end of the stage [s].
     stage : ndarray
         As the first entries of a state row, up to ROD_FORCE.
-    known : ndarray
-        Of `known_curve`; zeros at first.
 
     Returns
     -------
     int
         CONVERGED or NOT_CONVERGED.
     """
-    hand, free, compliance = span
+    constants, base = machine.constants, machine.work[BASE]
+    hand = hand_speed(constants, state, end)
+    free, compliance = rail_at(machine.rail, end)
     inertia, bar = constants[at.GEAR_INERTIA] / g, state[at.BAR_TORQUE]
-    w1, y = stage[at.SPEED], stage[at.RAIL_POSITION]
+    w1 = stage[at.SPEED]
     w2 = 0.0 if state[at.LOCKED] > 0.0 else stage[at.GEAR_SPEED]
     sign = math.copysign(1.0, w2)
-    stands = w2 == 0.0
-    checked = False
-    curve = stage_curve(constants, state, g, base, known)
+    stands, checked = w2 == 0.0, False
+    curve = stage_curve(constants, state, g, base, machine.work[CURVE])
     low, high = -math.inf, math.inf
     for _ in range(2 * ITERATIONS):
         w1, i, clutch, clutch_slope, follows = motor_side(
             constants, state, g, base, curve, hand, w1, w2
         )
-        x, dx, ddx = rod_position(constants, table, base[at.GEAR_ANGLE] + g * w2)
-        force, force_slope, y = rail_side(constants, rail, g, base, free, compliance, y, x)
+        x, dx, ddx = rod_position(constants, machine.table, base[at.GEAR_ANGLE] + g * w2)
+        force, force_slope = rail_side(constants, free, compliance, x)
         load = dx * force
         f = inertia * (w2 - base[at.GEAR_SPEED]) - clutch
         if not abs(f + load) < math.inf or math.isnan(i):
             return at.NOT_CONVERGED
+        settled = False
         if stands:
             below = load_factor(constants, state, load, -1.0)
             above = load_factor(constants, state, load, 1.0)
@@ -150,8 +153,6 @@ def solve_stage(
             if not settled:
                 stands, checked, low, high = False, True, -math.inf, math.inf
                 sign = 1.0 if most < 0.0 else -1.0
-        else:
-            settled = False
         if not stands:
             factor = load_factor(constants, state, load, sign)
             f += constants[at.GEAR_DRAG] * w2 + factor * load + bar * sign
@@ -178,7 +179,7 @@ def solve_stage(
                 stands, w2 = True, 0.0
                 continue
         if settled:
-            _fill(constants, rail, state, g, base, stage, (i, w1, w2, x, force, y))
+            _fill(constants, state, g, base, stage, (i, w1, w2, x, force))
             stage[at.TWIST] = clutch / constants[at.CLUTCH_STIFFNESS]
             return at.CONVERGED
     return at.NOT_CONVERGED
@@ -196,22 +197,17 @@ def hand_speed(constants: Floats, state: Floats, time: float) -> float:
 
 
 @compiled_part
-def span_of(
-    constants: Floats, rail: Floats, state: Floats, time: float
-) -> tuple[float, float, float]:
-    """Return hand speed, free position and compliance of an affine rail at the end of a stage.
+def rail_at(rail: Floats, time: float) -> tuple[float, float]:
+    """Return position without rod force [m] and compliance of the rail at a time in its step.
 
     The rail is taken along the parabola from its position and speed at the start of its step to
     the end of it, where it is RAIL_FREE + RAIL_COMPLIANCE F.
     """
-    hand = hand_speed(constants, state, time)
-    if rail[at.ONE_MASS] > 0.0:
-        return hand, 0.0, 0.0
     tau = time - rail[at.RAIL_TIME]
     share = (tau / rail[at.RAIL_STEP]) ** 2
     start, speed = rail[at.RAIL_START], rail[at.RAIL_START_SPEED]
     bend = rail[at.RAIL_FREE] - start - speed * rail[at.RAIL_STEP]
-    return hand, start + speed * tau + bend * share, rail[at.RAIL_COMPLIANCE] * share
+    return start + speed * tau + bend * share, rail[at.RAIL_COMPLIANCE] * share
 
 
 @compiled_part
@@ -231,30 +227,24 @@ def _note_speeds(state: Floats, stage: Floats, guess: Floats, number: int) -> No
 
 
 @compiled
-def take_step(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    time: float,
-    step: float,
-    work: Floats,
-) -> int:
+def take_step(machine: MachineArrays, state: Floats, time: float, step: float) -> int:
     """Solve both stages of a step without changing the state.
 
     Parameters
     ----------
+    machine : MachineArrays
+        Its work receives the stages; row SECOND is the end of the step. The search begins with the
+        changes of the last step, if that was as long.
+    state : ndarray
     time, step : float
         Start and length of the step [s].
-    work : ndarray, shape (WORK_ROWS, INTEGRATED + 3)
-        Of this machine. Receives the stages; row SECOND is the end of the step. The search begins
-        with the changes of the last step, if that was as long.
 
     Returns
     -------
     int
         CONVERGED or NOT_CONVERGED.
     """
+    work = machine.work
     g = GAMMA * step
     base, first, second, guess = work[BASE], work[FIRST], work[SECOND], work[GUESS]
     alike = abs(guess[GUESS_STEP] - step) <= SAME_STEP * step
@@ -262,11 +252,9 @@ def take_step(
     for k in range(first.size):
         first[k] = state[k]
         base[k] = state[k]
-    first[at.RAIL_POSITION] += g * state[at.RAIL_SPEED]
     if alike:
         _guess_speeds(state, first, guess, 0)
-    span = span_of(constants, rail, state, time + g)
-    code = solve_stage(constants, rail, table, state, g, base, span, first, work[CURVE])
+    code = solve_stage(machine, state, g, time + g, first)
     if code != at.CONVERGED:
         return code
     ahead = (1.0 - GAMMA) / GAMMA
@@ -274,11 +262,9 @@ def take_step(
         second[k] = first[k]
     for k in range(at.INTEGRATED):
         base[k] = state[k] + ahead * (first[k] - state[k])
-    second[at.RAIL_POSITION] = base[at.RAIL_POSITION] + g * first[at.RAIL_SPEED]
     if alike:
         _guess_speeds(state, second, guess, 1)
-    span = span_of(constants, rail, state, time + step)
-    code = solve_stage(constants, rail, table, state, g, base, span, second, work[CURVE])
+    code = solve_stage(machine, state, g, time + step, second)
     if code == at.CONVERGED:
         _note_speeds(state, first, guess, 0)
         _note_speeds(state, second, guess, 1)
@@ -287,16 +273,9 @@ def take_step(
 
 
 @compiled_part
-def accept_step(
-    constants: Floats,
-    rail: Floats,
-    table: Floats,
-    state: Floats,
-    time: float,
-    step: float,
-    work: Floats,
-) -> None:
+def accept_step(machine: MachineArrays, state: Floats, time: float, step: float) -> None:
     """Make the end of a step the state, and add its energies; takes what `take_step` takes."""
+    constants, work = machine.constants, machine.work
     g = GAMMA * step
     first, second, base = work[FIRST], work[SECOND], work[BASE]
     slip = 0.0
@@ -312,8 +291,8 @@ def accept_step(
             weight * constants[at.CLUTCH_STIFFNESS] * stage[at.TWIST] * slid
         )
         _add_motor_energy(constants, state, stage, hand, weight)
-        _add_gear_energy(constants, table, state, stage, weight)
-        _add_stored_energy(constants, rail, state, stage, before, (g, weight))
+        _add_gear_energy(machine, state, stage, weight)
+        _add_stored_energy(constants, state, stage, before, weight / g)
     state[at.SLIP] += slip
     for k in range(at.INTEGRATED):
         state[k] = second[k]
@@ -334,13 +313,12 @@ def _add_motor_energy(
 
 
 @compiled_part
-def _add_gear_energy(
-    constants: Floats, table: Floats, state: Floats, stage: Floats, weight: float
-) -> None:
+def _add_gear_energy(machine: MachineArrays, state: Floats, stage: Floats, weight: float) -> None:
+    constants = machine.constants
     w2 = stage[at.GEAR_SPEED]
     if w2 == 0.0:
         return
-    load = rod_position(constants, table, stage[at.GEAR_ANGLE])[1] * stage[at.ROD_FORCE]
+    load = rod_position(constants, machine.table, stage[at.GEAR_ANGLE])[1] * stage[at.ROD_FORCE]
     factor = load_factor(constants, state, load, math.copysign(1.0, w2))
     bar = state[at.BAR_TORQUE] * abs(w2)
     state[at.ENERGIES + at.GEAR] += weight * ((factor - 1.0) * load * w2 + bar)
@@ -350,15 +328,9 @@ def _add_gear_energy(
 
 @compiled_part
 def _add_stored_energy(
-    constants: Floats,
-    rail: Floats,
-    state: Floats,
-    stage: Floats,
-    before: Floats,
-    lengths: tuple[float, float],
+    constants: Floats, state: Floats, stage: Floats, before: Floats, weight: float
 ) -> None:
-    """Add what the stages put into springs, masses and the coil, and what the rail takes."""
-    g, weight = lengths
+    """Add what a stage puts into inertias, clutch and coil, whose change has a weight."""
     into = into_field(constants, stage, before)
     into += constants[at.MOTOR_INERTIA] * stage[at.SPEED] * (stage[at.SPEED] - before[at.SPEED])
     into += (
@@ -367,34 +339,4 @@ def _add_stored_energy(
         * (stage[at.GEAR_SPEED] - before[at.GEAR_SPEED])
     )
     into += constants[at.CLUTCH_STIFFNESS] * stage[at.TWIST] * (stage[at.TWIST] - before[at.TWIST])
-    state[at.ENERGIES + at.INTO_STORES] += weight / g * into
-    if rail[at.ONE_MASS] == 0.0:
-        return
-    v, force = stage[at.RAIL_SPEED], stage[at.ROD_FORCE]
-    twist, twisted = stage[at.RAIL_TWIST], (stage[at.RAIL_TWIST] - before[at.RAIL_TWIST]) / g
-    friction = rail[at.FRICTION_STIFFNESS] * twist
-    state[at.ENERGIES + at.RAIL_FRICTION_HEAT] += weight * friction * (v - twisted)
-    state[at.ENERGIES + at.RAIL_DAMPING_HEAT] += weight * rail[at.RAIL_DAMPING] * v * v
-    state[at.ENERGIES + at.ROD_ON_RAIL] += weight * force * v
-    into = rail[at.RAIL_MASS] * v * (v - before[at.RAIL_SPEED]) / g + friction * twisted
-    into += bed_force(rail, stage[at.RAIL_POSITION])[0] * v
     state[at.ENERGIES + at.INTO_STORES] += weight * into
-
-
-@compiled
-def stored_energy(constants: Floats, rail: Floats, state: Floats) -> float:
-    """Return the energy in the machine, its rod and a one-mass rail [J]."""
-    energy = constants[at.INDUCTANCE] * state[at.CURRENT] ** 2
-    energy += constants[at.MOTOR_INERTIA] * state[at.SPEED] ** 2
-    energy += constants[at.GEAR_INERTIA] * state[at.GEAR_SPEED] ** 2
-    energy += constants[at.CLUTCH_STIFFNESS] * state[at.TWIST] ** 2
-    energy += 2.0 * flux_energy(constants, state)
-    if rail[at.ONE_MASS] > 0.0:
-        y = state[at.RAIL_POSITION]
-        energy += rail[at.RAIL_MASS] * state[at.RAIL_SPEED] ** 2
-        energy += rail[at.FRICTION_STIFFNESS] * state[at.RAIL_TWIST] ** 2
-        energy += rail[at.BED_STIFFNESS] * (y - rail[at.BED_REST]) ** 2
-        energy += rail[at.STOP_STIFFNESS] * max(y, 0.0) ** 2
-        energy += rail[at.OBJECT_STIFFNESS] * max(y + rail[at.OBJECT_SIZE], 0.0) ** 2
-        energy += state[at.ROD_FORCE] ** 2 / constants[at.ROD_STIFFNESS]
-    return 0.5 * float(energy)

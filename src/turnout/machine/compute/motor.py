@@ -24,7 +24,6 @@ from turnout.machine.compute.induction import (
     add_three_phase_energy,
     curve_torque,
     drop_fluxes,
-    field_energy,
     fill_fluxes,
     known_curve,
     line_current,
@@ -199,12 +198,6 @@ def into_field(constants: Floats, stage: Floats, before: Floats) -> float:
     if is_three_phase(constants):
         into += stored_in_stage(constants, stage, before)
     return float(into)
-
-
-@compiled_part
-def flux_energy(constants: Floats, state: Floats) -> float:
-    """Return the energy in the fluxes of an induction motor, 0 of others [J]."""
-    return field_energy(constants, state) if is_three_phase(constants) else 0.0
 
 
 @compiled_part

@@ -47,7 +47,6 @@ the closing direction. Flags are 0.0 or 1.0.
     OVERLOAD_TIME,  # [s]
     DETECTION_OPEN,  # rod position below which the end contact "open" is made [m]
     DETECTION_CLOSED,  # rod position above which the end contact "closed" is made [m]
-    LOCK_GAP,  # largest gap of the rail at which the limit contact can act [m]
     HOLDS,  # 1: a lock holds J2 from its first standstill after cut-off to the next contactor
     HAND_GAIN,  # torque per speed that the crank lags behind the hand [N m s/rad]; 0: no crank
     HAND_SPEED,  # [rad/s]
@@ -72,7 +71,7 @@ the closing direction. Flags are 0.0 or 1.0.
     UNLOCKED_FROM,  # shaft angles between which the rod moves and the bar stands [rad]
     UNLOCKED_TO,
     CONSTANTS,
-) = range(66)
+) = range(65)
 
 (CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
 """Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
@@ -81,16 +80,6 @@ the closing direction. Flags are 0.0 or 1.0.
 
 # --- the rail at the rod -----------------------------------------------------------------------
 (
-    ONE_MASS,  # 1: mass, friction, bed, stop and object below; 0: affine, the last six
-    RAIL_MASS,  # [kg]
-    RAIL_DAMPING,  # [N s/m]
-    BED_STIFFNESS,  # [N/m]
-    BED_REST,  # position at which the bed is free of force [m]
-    FRICTION_FORCE,  # [N]
-    FRICTION_STIFFNESS,  # [N/m]
-    STOP_STIFFNESS,  # [N/m]
-    OBJECT_STIFFNESS,  # [N/m], 0 without an object
-    OBJECT_SIZE,  # [m]
     RAIL_START,  # position at the start of the step [m]
     RAIL_START_SPEED,  # [m/s]
     RAIL_FREE,  # position at the end of the step without any rod force in that step's end [m]
@@ -98,7 +87,7 @@ the closing direction. Flags are 0.0 or 1.0.
     RAIL_STEP,  # its length [s]
     RAIL_COMPLIANCE,  # displacement at the end of the step per rod force there [m/N]
     RAIL_CONSTANTS,
-) = range(17)
+) = range(7)
 
 # --- state -------------------------------------------------------------------------------------
 (
@@ -107,9 +96,6 @@ the closing direction. Flags are 0.0 or 1.0.
     TWIST,  # of the clutch, a [rad]
     GEAR_SPEED,  # w2 [rad/s]
     GEAR_ANGLE,  # th2 [rad]
-    RAIL_POSITION,  # y [m]
-    RAIL_SPEED,  # [m/s]
-    RAIL_TWIST,  # displacement of the elastic-plastic friction, b [m]
     STATOR_FLUX,  # of an induction motor, along the supply's voltage [V s]
     STATOR_FLUX_ACROSS,  # a quarter of a turn ahead of it
     ROTOR_FLUX,
@@ -145,11 +131,11 @@ the closing direction. Flags are 0.0 or 1.0.
     BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
     BAR_TORQUE,  # LOCK_TORQUE while the lock bar moves, else 0 [N m]
     ENERGIES,  # the first of the sums below
-) = range(42)
+) = range(39)
 
-INTEGRATED = 12
+INTEGRATED = 9
 """So many states, from the first on, obey differential equations."""
-TRACED = 23
+TRACED = 20
 """So many states, from the first on, are those that the channels over time follow from."""
 
 # --- sums of power times step by the scheme's own weights [J] -----------------------------------
@@ -165,14 +151,11 @@ TRACED = 23
     GEAR,
     GEAR_DRAG_HEAT,
     CLUTCH,
-    RAIL_FRICTION_HEAT,
-    RAIL_DAMPING_HEAT,
     HAND,
-    ROD_ON_RAIL,
     ROD_INPUT,
     INTO_STORES,
     SUMS,
-) = range(18)
+) = range(15)
 
 STATES = ENERGIES + SUMS
 
