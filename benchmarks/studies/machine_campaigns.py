@@ -22,8 +22,8 @@ from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.resumable import Record, command_line
 from turnout.api.campaign import load_campaign
 from turnout.calibration.comparison import Uncertainty
-from turnout.calibration.current_fit import LoadLine
-from turnout.calibration.machine_fit import MachineFit, fit_machines
+from turnout.calibration.machine_estimates.current_fit import LoadLine
+from turnout.calibration.machine_estimates.machine_fit import MachineFit, fit_machines
 from turnout.core.errors import TurnoutError
 from turnout.core.scheme import Scheme
 from turnout.machine.steady import slip_point, steady_point, torque_for

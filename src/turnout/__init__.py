@@ -47,7 +47,7 @@ NAMES = {
     "fit_machines": "turnout.api.machine",
     "Monitoring": "turnout.measurement.chain.monitoring",
     "monitored": "turnout.measurement.chain.monitoring",
-    "MachineFit": "turnout.calibration.machine_fit",
+    "MachineFit": "turnout.calibration.machine_estimates.machine_fit",
     # Measurements, calibration, validation
     "read_recording": "turnout.measurement.formats.file_format",
     "import_recording": "turnout.api.recording",

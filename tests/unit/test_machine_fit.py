@@ -16,7 +16,7 @@ from tests.unit.test_cli_json import printed
 from typer.testing import CliRunner
 
 from turnout.api.machine import fit_machines
-from turnout.calibration.current_fit import (
+from turnout.calibration.machine_estimates.current_fit import (
     STEP,
     LoadLine,
     NotIdentified,
@@ -25,7 +25,7 @@ from turnout.calibration.current_fit import (
     slip_estimate,
     slip_level,
 )
-from turnout.calibration.force_anchor import gauge_anchor, sister_anchor
+from turnout.calibration.machine_estimates.force_anchor import gauge_anchor, sister_anchor
 from turnout.cli.main import app
 from turnout.core.errors import MachineError, MeasurementError
 from turnout.core.moving_average import moving_average

@@ -7,8 +7,8 @@ from typing import Literal
 import xarray as xr
 
 from turnout.api.campaign import Campaign, dataset_of
-from turnout.calibration.machine_fit import Gauge, MachineFit, Sister
-from turnout.calibration.machine_fit import fit_machines as fit_dataset
+from turnout.calibration.machine_estimates.machine_fit import Gauge, MachineFit, Sister
+from turnout.calibration.machine_estimates.machine_fit import fit_machines as fit_dataset
 from turnout.core.errors import MachineError
 
 

@@ -21,9 +21,9 @@ from turnout.cli.output import INCOMPLETE, Output, note, picked, print_library, 
 from turnout.core.errors import SolverError
 
 if TYPE_CHECKING:
-    from turnout.calibration.current_fit import Estimate
-    from turnout.calibration.force_anchor import ForceAnchor
-    from turnout.calibration.machine_fit import DriveFit, MachineFit
+    from turnout.calibration.machine_estimates.current_fit import Estimate
+    from turnout.calibration.machine_estimates.force_anchor import ForceAnchor
+    from turnout.calibration.machine_estimates.machine_fit import DriveFit, MachineFit
     from turnout.core.units import Dimension
     from turnout.machine.machine_file import LoadedMachines
     from turnout.throw.machine import MachineThrow
@@ -366,7 +366,7 @@ def fit_command(
 
         raise MachineError(problems, source="options")
     dataset = opened_campaign(source, None, allow_outside=allow_outside, quiet=output.silent)
-    from turnout.calibration.machine_fit import Gauge, Sister, fit_machines
+    from turnout.calibration.machine_estimates.machine_fit import Gauge, Sister, fit_machines
 
     fit = fit_machines(
         dataset,
@@ -456,7 +456,7 @@ def fit_record(fit: "MachineFit") -> dict[str, Any]:
 
 
 def _drive_record(item: "DriveFit") -> dict[str, Any]:
-    from turnout.calibration.current_fit import LoadLine
+    from turnout.calibration.machine_estimates.current_fit import LoadLine
 
     line = item.line if isinstance(item.line, LoadLine) else None
     fields = ("idle", "slope", "slope_driven_back", "lag", "lag_coil", "rms", "reference")
@@ -490,7 +490,7 @@ def fit_lines(fit: "MachineFit") -> list[str]:
 
 
 def _drive_rows(item: "DriveFit") -> Iterator[tuple[str, str]]:
-    from turnout.calibration.current_fit import LoadLine
+    from turnout.calibration.machine_estimates.current_fit import LoadLine
 
     if isinstance(item.line, LoadLine):
         yield "idle current", _stated(item.line.idle, "A", 4)

@@ -7,7 +7,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.current_fit import STEP, RunningSpan, SlipLevel, slip_level
+from turnout.calibration.machine_estimates.current_fit import (
+    STEP,
+    RunningSpan,
+    SlipLevel,
+    slip_level,
+)
 from turnout.core.running_current import LARGEST_ZERO, running_time
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from turnout.calibration.current_fit import NORMAL_REACH, Estimate, series_current
+from turnout.calibration.machine_estimates.current_fit import NORMAL_REACH, Estimate, series_current
 from turnout.core.errors import MachineError
 
 AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]

@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.comparison import Uncertainty
-from turnout.calibration.current_fit import (
+from turnout.calibration.machine_estimates.current_fit import (
     ClutchTrend,
     Estimate,
     LoadLine,
@@ -26,8 +26,12 @@ from turnout.calibration.current_fit import (
     fit_load_line,
     slip_estimate,
 )
-from turnout.calibration.force_anchor import ForceAnchor, gauge_anchor, sister_anchor
-from turnout.calibration.running_spans import (
+from turnout.calibration.machine_estimates.force_anchor import (
+    ForceAnchor,
+    gauge_anchor,
+    sister_anchor,
+)
+from turnout.calibration.machine_estimates.running_spans import (
     LEAST_RUN,
     OVERRUN,
     Ran,

@@ -1,0 +1,1 @@
+"""Estimators of machines from recordings, apart from the equations that simulate them."""
