@@ -5,10 +5,10 @@
     python -m benchmarks.studies.calibration_times report DIR
 
 `make` writes and builds a virtual campaign of all places and sizes, its truth solved with another
-mesh, shorter steps and more modes than a fit uses. `run` times the command, from
-the start with no throw kept, with two processes: on 20 movements, on all of them, and with the
-posterior of 20. Each takes its time from DIR/results.jsonl where it was measured before; delete the
-file to measure again. `report` writes into docs/evidence/calibration.md.
+mesh, shorter steps and more modes than a fit uses. `run` times the command, from the start with no
+throw kept, with two processes: on 20 movements, and on all of them. Each takes its time from
+DIR/results.jsonl where it was measured before; delete the file to measure again. `report` writes
+into docs/evidence/calibration.md.
 """
 
 import argparse
@@ -46,7 +46,6 @@ TRUTH = {
 RUNS = (
     ("stages and joint fit on 20 movements", ("--most", "20"), 20.0),
     ("stages and joint fit on all movements", ("--most", "0"), 60.0),
-    ("the same on 20 movements with the posterior", ("--most", "20", "--posterior"), 300.0),
 )
 
 

@@ -63,7 +63,7 @@ def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Watched(monkeypatch, (20.0, 30.0), planned=500, per_step=98, began=10.0)
     stage.evaluator.made, stage.evaluator.work = 1000, 1000.0
     final: Any = SimpleNamespace(parameters=range(4), misfit=SimpleNamespace(movements=range(20)))
-    stage.watch.begin("advice", final, stage.evaluator)
+    stage.watch.begin_advice(final, stage.evaluator)
     work = 3.5 * 60
     assert stage.left(1000.0) == pytest.approx(0.01 * work)
     assert stage.left(1100.0) == pytest.approx(0.1 * (work - 100))

@@ -13,9 +13,7 @@ from turnout.panel.load import load_panel
 
 
 def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:
-    saved = replace(
-        calibration(), posterior={"effective_samples": 812.5}, fitted_causes=("clutch",)
-    )
+    saved = replace(calibration(), fitted_causes=("clutch",))
     saved.save(tmp_path / "c.toml")
     back = load_calibration(tmp_path / "c.toml")
     for mine, its in zip(back.parameters, saved.parameters, strict=True):
@@ -25,7 +23,7 @@ def test_a_record_comes_back_from_its_file(tmp_path: Path) -> None:
     assert back.fitted_causes == saved.fitted_causes == ("clutch",)
     for name in ("panel", "panel_hash", "data", "data_hash", "movements", "warnings", "findings"):
         assert getattr(back, name) == getattr(saved, name)
-    for name in ("noise", "scatter", "about", "posterior"):
+    for name in ("noise", "scatter", "about"):
         assert dict(getattr(back, name)) == dict(getattr(saved, name))
 
 
@@ -78,3 +76,10 @@ def test_a_value_in_another_unit_is_refused(tmp_path: Path) -> None:
     path.write_text(text.replace("760000.0 N/m", "760 kN/m"), encoding="utf-8")
     with pytest.raises(FileError, match="must be in 'N/m'"):
         load_calibration(path)
+
+
+def test_a_record_with_a_posterior_of_before_is_read_without_it(tmp_path: Path) -> None:
+    calibration().save(tmp_path / "c.toml")
+    with (tmp_path / "c.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[posterior]\njson = "{}"\n')
+    assert load_calibration(tmp_path / "c.toml").values == calibration().values

@@ -88,19 +88,6 @@ def test_intervals_are_drawn_about_their_values() -> None:
     assert sheet_record(sheet)["counted"]
 
 
-def test_a_posterior_stands_beside_the_intervals_of_the_fit() -> None:
-    names = [item.name for item in calibration().parameters[:2]]
-    posterior = {
-        "names": names, "method": "importance sampling", "effective_samples": 16220.4,
-        "mean": [0.312, 7.61e5], "interval_95": [[0.30, 0.32], [7.45e5, 7.75e5]],
-    }  # fmt: skip
-    page = calibration_page(replace(calibration(), posterior=posterior), suffixes=())
-    _, table = page.sections[0].tables
-    assert table.heading == "Posterior by importance sampling, 16220 effective samples"
-    assert table.rows[1] == (names[1], "761 kN/m", "745 ... 775 kN/m", "744.8 ... 775.2 kN/m")
-    assert len(calibration_page(calibration(), suffixes=()).sections[0].tables) == 1
-
-
 def test_movements_to_measure_next_have_a_part_of_their_own() -> None:
     line = "next: closing, no object: leaves 50 % of the standard deviation of mu, adds 1.0 bits"
     page = calibration_page(replace(calibration(), findings=(line, "other")), suffixes=())

@@ -172,7 +172,6 @@ def calibrate(
     exclude: Sequence[str] = (),
     most: int = 20,
     mode: Mode | None = None,
-    posterior: bool = False,
     advise: bool = False,
     causes: bool = True,
     limit: float | None = None,
@@ -198,8 +197,6 @@ def calibrate(
         Movements of the last stage; 0 for all, then none is left to validate.
     mode : {"waveform", "quick", "quasi-static"}, optional
         How the throws of the last fit are simulated; see `simulate`.
-    posterior : bool
-        Whether to sample what the data leave possible.
     advise : bool
         Whether to list strongly correlated parameters and the tests that separate them.
     causes : bool
@@ -241,7 +238,6 @@ def calibrate(
         folder=throw_store_of(campaign),
         workers=workers,
         scheme=chosen_scheme(mode, None, caller="calibrate()"),
-        posterior=posterior,
         advise=advise,
         causes=causes,
         limit=float("inf") if limit is None else limit,

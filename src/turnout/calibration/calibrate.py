@@ -43,7 +43,6 @@ from turnout.calibration.objects import (
     object_lines,
 )
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.posterior import posterior_record
 from turnout.calibration.requirements import (
     check_campaign,
     drop_unidentified_slip_levels,
@@ -144,7 +143,6 @@ def calibrate(
     workers: int | Workers = 1,
     scheme: Scheme | None = None,
     uncertainty: Uncertainty | None = None,
-    posterior: bool = False,
     advise: bool = False,
     causes: bool = True,
     limit: float = float("inf"),
@@ -170,8 +168,6 @@ def calibrate(
         Step, cut-off and tolerances of every throw; by default those of `Scheme()`.
     uncertainty : Uncertainty, optional
         Of onsets, zeros, gains and the clock.
-    posterior : bool
-        Whether to sample the posterior distribution.
     advise : bool
         Whether to list systematic errors that parameters would absorb, and what to measure next.
     causes : bool
@@ -202,7 +198,7 @@ def calibrate(
     )
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
     comparison = _comparison(dataset, movements, plan, uncertainty or Uncertainty())
-    planned = planned_work(plan, movements, panel, posterior=posterior, advise=advise)
+    planned = planned_work(plan, movements, panel, advise=advise)
     per_step = work_per_step(plan, movements, panel)
     plan = with_unknowns(plan, common_unknowns(movements))
     watch = ProgressReporter(
@@ -227,11 +223,10 @@ def calibrate(
         calibration, spread = _record(
             run, final, search, dataset, warnings=[*oversized, *warnings, *rods]
         )
-        if not run.ended:
-            further = {"advice": advise, "posterior": posterior}
-            calibration = _with_further(
-                run, calibration, final, spread, [kind for kind, on in further.items() if on]
-            )
+        if advise and not run.ended:
+            watch.begin_advice(final, evaluator)
+            lines = _advice(final, without_objects(final, spread), panel)
+            calibration = replace(calibration, findings=(*calibration.findings, *lines))
     return CalibrationOutcome(
         calibration=replace(calibration, stages=tuple(logs)),
         final=final,
@@ -278,23 +273,6 @@ def _record(
         effects=movement_rows(final),
     )
     return calibration, spread
-
-
-def _with_further(
-    run: "_Run", calibration: Calibration, final: Fit, spread: Spread, wanted: Sequence[str]
-) -> Calibration:
-    """Return a record with "advice" and "posterior", where they are wanted."""
-    values, values_spread = without_objects(final, spread)
-    if "advice" in wanted:
-        run.watch.begin("advice", final, run.evaluator)
-        lines = _advice(final, (values, values_spread), run.panel)
-        calibration = replace(calibration, findings=(*calibration.findings, *lines))
-    if "posterior" in wanted:
-        run.watch.begin("posterior", final, run.evaluator)
-        sampled, doubts = posterior_record(values, values_spread)
-        said = tuple(dict.fromkeys((*calibration.warnings, *doubts)))
-        calibration = replace(calibration, posterior=sampled, warnings=said)
-    return calibration
 
 
 def _comparison(

@@ -52,11 +52,6 @@ class Spread:
     ----------
     coordinate_covariance : ndarray, shape (p, p)
         In the coordinates of all parameters of the fit, with what their bounds allow as prior.
-    common_covariance : ndarray, shape (p, p)
-        The part of it by errors that all movements share and that no residual shows: cross-talk,
-        solver, scale, and friction by chair.
-    freedom : float
-        Degrees of freedom from which the scatter of a parameter is known.
     covariance : ndarray, shape (f, f)
         Of the values of the parameters with state "fitted", in their order.
     deviations : tuple of float
@@ -70,8 +65,6 @@ class Spread:
     """
 
     coordinate_covariance: Floats
-    common_covariance: Floats
-    freedom: float
     covariance: Floats
     deviations: tuple[float, ...]
     intervals: tuple[tuple[float, float], ...]
@@ -150,7 +143,7 @@ def spread_of(found: Fit) -> Spread:
     prior = prior_information(parameters)
     bound = np.array([item.at_bound(found.values[item.name]) for item in parameters])
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
-    own = whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
+    whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     estimate = whole @ slopes.T
     whole = whole + _of_sensitivities(found, estimate)
     for column in solver_columns(found):
@@ -192,8 +185,6 @@ def spread_of(found: Fit) -> Spread:
     )
     return Spread(
         coordinate_covariance=whole,
-        common_covariance=whole - own,
-        freedom=freedom,
         covariance=covariance,
         deviations=deviations,
         intervals=intervals,
@@ -477,13 +468,11 @@ def without_objects(found: Fit, spread: Spread) -> tuple[Fit, Spread]:
     parameters = tuple(found.parameters[n] for n in kept)
     slopes = found.jacobian[:, kept]
     whole = spread.coordinate_covariance[np.ix_(kept, kept)]
-    own = np.linalg.inv(slopes.T @ slopes + np.diag(prior_information(parameters)))
     fitted = [n for n, state in enumerate(spread.states) if state == "fitted"]
     rows = [place for place, n in enumerate(fitted) if n in kept]
     return replace(found, parameters=parameters, jacobian=slopes), replace(
         spread,
         coordinate_covariance=whole,
-        common_covariance=whole - own,
         covariance=spread.covariance[np.ix_(rows, rows)],
         deviations=tuple(spread.deviations[n] for n in kept),
         intervals=tuple(spread.intervals[n] for n in kept),

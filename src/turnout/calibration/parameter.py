@@ -164,12 +164,6 @@ def coordinates(parameters: Sequence[Parameter], values: Mapping[str, float]) ->
     return np.array([item.coordinate(values[item.name]) for item in parameters])
 
 
-def flat_information(parameters: Sequence[Parameter]) -> Floats:
-    """Return the inverse variance of a flat density within the bounds, shape (p,)."""
-    widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
-    return np.array([12.0 / width**2 for width in widths])
-
-
 def prior_slopes(parameters: Sequence[Parameter]) -> Floats:
     """Return the inverse standard deviation of each prior, 0 for flat ones, shape (p,)."""
     return np.array([1.0 / item.prior_width for item in parameters], dtype=np.float64)
@@ -177,7 +171,9 @@ def prior_slopes(parameters: Sequence[Parameter]) -> Floats:
 
 def prior_information(parameters: Sequence[Parameter]) -> Floats:
     """Return the inverse variance of each coordinate: of a flat density, and of its prior."""
-    return flat_information(parameters) + prior_slopes(parameters) ** 2
+    widths = [item.coordinate(item.upper) - item.coordinate(item.lower) for item in parameters]
+    flat = np.array([12.0 / width**2 for width in widths])
+    return flat + prior_slopes(parameters) ** 2
 
 
 def prior_residuals(parameters: Sequence[Parameter], point: Floats) -> Floats:

@@ -79,8 +79,6 @@ class Calibration:
         Relative scatter from movement to movement, as estimated.
     about : mapping of str to str
         Versions, scheme, date.
-    posterior : mapping of str to object
-        Of the sampling, where it was done.
     causes : tuple of str
         Why the panel alone does not follow the measurement, in words, the likeliest first.
     fitted_causes : tuple of str
@@ -110,7 +108,6 @@ class Calibration:
     noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     scatter: Mapping[str, float] = field(default_factory=dict)
     about: Mapping[str, str] = field(default_factory=dict)
-    posterior: Mapping[str, Any] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
     fitted_causes: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
@@ -223,8 +220,6 @@ def calibration_text(calibration: Calibration) -> str:
         for name, row in calibration.effects.items():
             cells = ", ".join(f"{_text(key)} = {_number(value)}" for key, value in row.items())
             lines.append(f"{_text(name)} = {{ {cells} }}")
-    if calibration.posterior:
-        lines += ["", f"[posterior]\njson = {_text(json.dumps(calibration.posterior))}"]
     return "\n".join(lines) + "\n"
 
 
@@ -315,7 +310,6 @@ def _read(data: Mapping[str, Any]) -> Calibration:
         chain={key: (float(a), float(b)) for key, (a, b) in data.get("chain", {}).items()},
         effects=data.get("effects", {}),
         objects=tuple(_fitted(name, item) for name, item in data.get("object", {}).items()),
-        posterior=json.loads(data["posterior"]["json"]) if "posterior" in data else {},
     )
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import CAUSE_STEPS
-from turnout.calibration.emulator import points_needed
 from turnout.calibration.evaluate import (
     FINE_WORK,
     HALVED_WORK,
@@ -76,7 +75,6 @@ def planned_work(
     movements: Sequence[MeasuredMovement],
     panel: LoadedPanel,
     *,
-    posterior: bool = False,
     advise: bool = False,
 ) -> float:
     """Return what a calibration usually takes, with what comes after the stages [quick throws]."""
@@ -89,8 +87,6 @@ def planned_work(
             total += _distinct(chosen) * (grid + 2 * len(parameters)) + 3 * len(chosen)
             continue
         total += _joint_work(chosen, parameters)
-        if posterior:
-            total += posterior_work(len(chosen), len(parameters))
         if advise:
             total += advice_work(len(chosen), len(parameters))
     return total
@@ -113,11 +109,6 @@ def _joint_work(chosen: Sequence[MeasuredMovement], parameters: Sequence[Paramet
         + len(chosen) * (joining + END_THROWS * PLAIN_WORK)
         + _distinct(chosen) * (THROWN_SLOPES * last + HALVED_WORK + FINE_WORK)
     )
-
-
-def posterior_work(movements: int, parameters: int) -> float:
-    """Return what the sampling of a posterior takes [quick throws]."""
-    return PLAIN_WORK * movements * points_needed(parameters)
 
 
 def advice_work(movements: int, parameters: int) -> float:
@@ -192,11 +183,11 @@ class ProgressReporter:
             )
         )
 
-    def begin(self, stage: str, final: Fit, evaluator: Evaluator) -> None:
-        """Note what comes after the stages: "advice" or "posterior" about a fit."""
-        self.stage, self.per_step = stage, PLAIN_WORK
-        further = {"advice": advice_work, "posterior": posterior_work}[stage]
-        self.planned = evaluator.work + further(len(final.misfit.movements), len(final.parameters))
+    def begin_advice(self, final: Fit, evaluator: Evaluator) -> None:
+        """Note that advice about a fit comes after the stages."""
+        self.stage, self.per_step = "advice", PLAIN_WORK
+        further = advice_work(len(final.misfit.movements), len(final.parameters))
+        self.planned = evaluator.work + further
 
     def more(self, work: float, evaluator: Evaluator) -> None:
         """Plan more work than is still planned, such as a search for causes [quick throws]."""

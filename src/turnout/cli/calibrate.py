@@ -59,7 +59,6 @@ def calibrate_command(
     figures: Path | None = option(
         "--figures DIR", "Draw each sweep, intervals, correlations, and each movement as fitted."
     ),
-    posterior: bool = option("--posterior", "Sample the posterior, with profile likelihoods."),
     advise: bool = option(
         "--advise", "Print parameter correlations and the test that would separate them."
     ),
@@ -105,7 +104,6 @@ def calibrate_command(
             exclude=exclude,
             folder=throw_store(source),
             workers=processes,
-            posterior=posterior,
             advise=advise,
             causes=causes != "none",
             limit=float("inf") if limit is None else limit,
@@ -185,7 +183,6 @@ def result_lines(calibration: "Calibration") -> list[str]:
             sure = f" ({size}95 %: {reach})"
         state = item.state + " " * max(12 - len(item.state), 2)
         lines.append(f"{state}{item.name} = {value_text(item.value, unit=item.unit)}{sure}")
-    lines += _posterior_lines(calibration)
     for name, share in calibration.scatter.items():
         lines.append(f"{'scatter':<12}{name}: {100 * share:.1f} % from movement to movement")
     lines += [f"{'sensor':<12}{text}" for text in calibration.sensors]
@@ -208,21 +205,6 @@ def trust_lines(calibration: "Calibration") -> list[str]:
         f"{'verdict':<12}NOT TRUSTWORTHY",
         *(f"{'reason':<12}{text}" for text in calibration.distrust),
     ]
-
-
-def _posterior_lines(calibration: "Calibration") -> list[str]:
-    found = calibration.posterior
-    if not found:
-        return []
-    lines = [
-        f"{'posterior':<12}{found['method']}, {found['effective_samples']:.0f} effective samples; "
-        f"emulator error {found['emulator_error']:.1g} standard deviations "
-        f"over {count_text(found['emulator_points'], 'throw')}"
-    ]
-    units = {item.name: item.unit for item in calibration.parameters}
-    for name, bounds in zip(found["names"], found["interval_95"], strict=True):
-        lines.append(f"{'':<12}{name}: 95 %: {value_text(*bounds, unit=units[name])}")
-    return lines
 
 
 def _draw(
@@ -263,7 +245,7 @@ def calibration_record(calibration: "Calibration") -> tuple[dict[str, Any], dict
     """Return a calibration, and the unit of each parameter."""
     names = (
         *("panel", "panel_hash", "data", "movements", "parameters", "covariance", "stages"),
-        *("scatter", "posterior", "findings", "warnings", "causes", "fitted_causes", "sensors"),
+        *("scatter", "findings", "warnings", "causes", "fitted_causes", "sensors"),
         *("chain", "effects", "objects"),
     )
     record = {name: getattr(calibration, name) for name in names}

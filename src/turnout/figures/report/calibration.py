@@ -58,7 +58,7 @@ def calibration_page(
         Section(
             heading="Parameters",
             pictures=_intervals(calibration, suffixes),
-            tables=[_parameters(calibration), *_posterior(calibration)],
+            tables=[_parameters(calibration)],
             heats=_together(calibration),
         ),
         Section(
@@ -230,21 +230,6 @@ def _parameters(calibration: Calibration) -> Table:
         n for n, item in enumerate(calibration.parameters) if item.state not in (FITTED, FIXED)
     )
     return Table("", columns, rows, marked)
-
-
-def _posterior(calibration: Calibration) -> list[Table]:
-    """Return the intervals of the posterior beside those of the fit, if it was sampled."""
-    found = calibration.posterior
-    if not found.get("interval_95"):
-        return []
-    known = {item.name: item for item in calibration.parameters}
-    rows = []
-    for name, mean, ends in zip(found["names"], found["mean"], found["interval_95"], strict=True):
-        item = known[name]
-        fitted = value_text(*item.interval, unit=item.unit) if item.state == FITTED else "-"
-        rows.append((name, _shown(item, mean), value_text(*ends, unit=item.unit), fitted))
-    heading = f"Posterior by {found['method']}, {found['effective_samples']:.0f} effective samples"
-    return [Table(heading, ("Parameter", "Mean", "95 % interval", "That of the fit"), rows)]
 
 
 def _together(calibration: Calibration) -> list[Heat]:
