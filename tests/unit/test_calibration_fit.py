@@ -376,8 +376,6 @@ def test_noise_at_rest_and_its_correlation_are_found() -> None:
     assert noise.slow == pytest.approx(3.0, rel=0.1)
     assert noise.white == pytest.approx(1.0, rel=0.3)
     assert noise.slow_length == pytest.approx(-BIN / np.log(0.8), rel=0.2)
-    even = BIN * np.arange(200)
-    assert noise.effective(even) < 40 < Noise(white=1.0).effective(even)
 
 
 def test_what_the_model_misses_is_distinguished_from_noise() -> None:

@@ -16,7 +16,6 @@ from benchmarks.page import put_section
 from benchmarks.studies import (
     calibration_coverage,
     finer_twin,
-    law_rates,
     machine_campaigns,
     other_machine,
     pod_coverage,
@@ -42,20 +41,6 @@ def coverage_records() -> list[Record]:
         }
         for n, error in enumerate((0.1, -0.1, 0.3, -0.3))
     ] + [{"index": 4, "truth": {"a": 1.0}, "failure": "no throw"}]
-
-
-def law_records() -> list[Record]:
-    """Return campaigns of three kinds; the fifth is called free of a defect and is not."""
-    wanted = law_rates.WANTED
-    return [
-        {
-            "index": n,
-            "kind": wanted[n % 3],
-            "chosen": wanted[0 if n == 4 else n % 3],
-            "schwarz": {wanted[0]: 0.0, wanted[1]: -20.0 * n, wanted[2]: -10.0 * n},
-        }
-        for n in range(6)
-    ]
 
 
 def verdict_records() -> list[Record]:
@@ -114,14 +99,6 @@ def scenario_lines(records: list[Record]) -> list[str]:
             ["| `a` | 2 | 4 | 50.0 ± 25.0 % | 2.24 | 50.0 % |"],
         ),
         (
-            law_records,
-            law_rates.section,
-            [
-                f"| {law_rates.WANTED[0]} | 2 | 100 % | 2 | 0 | 0 |  |",
-                f"| {law_rates.WANTED[1]} | 2 | 50 % | 1 | 1 | 0 | 20 |",
-            ],
-        ),
-        (
             verdict_records,
             validation_verdicts.section,
             [
@@ -140,7 +117,7 @@ def scenario_lines(records: list[Record]) -> list[str]:
             ["| runs | 3 |", "| stopped early | 1 (33.33 %; allowed 1 %) |", "| defects | 1 |"],
         ),
     ],
-    ids=["coverage", "laws", "verdicts", "machines", "scenarios"],
+    ids=["coverage", "verdicts", "machines", "scenarios"],
 )
 def test_a_report_counts_what_is_recorded(
     records: Callable[[], list[Record]],

@@ -6,20 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.drive_law.candidates import (
-    KNEE_STIFFNESS,
-    LEAST_KNEE,
-    LEAST_LAG,
-    LEAST_PLAY,
-    REACH,
-    Law,
-    Shape,
+from turnout.calibration.drive_laws import (
+    PLAY_FORCE,
+    bushing,
     lagged,
     level_key,
     stiffness_and_level,
     stiffness_key,
-    symmetric_law,
-    table,
 )
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
@@ -40,6 +33,8 @@ Floats = NDArray[np.float64]
 FRICTION, MODULUS = "chair.friction_coefficient", "material.youngs_modulus"
 # What names of friction of a group of chairs begin with.
 GROUP = "friction.group."
+# Less than this is as good as nothing [s], [m], [-]: two solvers differ by as much force.
+LEAST_LAG, LEAST_PLAY, LEAST_KNEE = 5e-3, 5e-5, 0.02
 # Soft travels that are tried [m].
 SOFT_TRAVELS = (0.5e-3, 1e-3, 2e-3, 3.5e-3)
 LEVEL_SCATTER = 0.05
@@ -55,6 +50,8 @@ CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
 # Causes of which several may be, such as one a drive.
 SEVERAL = ("bushing shape", "clutch", "drive law", "objects")
 Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
+Law = Callable[[Mapping[str, float]], dict[str, object]]
+Shape = Callable[[Response, Mapping[str, float]], Response]
 # How much softer a bushing is at first, as a logarithm [-], and how far that is expected from this;
 # the share of the slip level at which its stretch stays the same, and how far at most its stiffness
 # rises for that, as a factor [-].
@@ -111,21 +108,7 @@ def soft_bushing(
         return {}
     stiffness, level = stiffness_and_level(panel, drive, values)
     first = min(float(np.exp(-softness)) * stiffness * travel, 0.9 * level)
-    knee = travel + (level - first) / stiffness
-    return _symmetric_bushing(panel, drive, [(travel, first)], knee=knee, level=level)
-
-
-def _symmetric_bushing(
-    panel: LoadedPanel,
-    drive: str,
-    points: Sequence[tuple[float, float]],
-    *,
-    knee: float,
-    level: float,
-) -> dict[str, object]:
-    """Return a bushing through points [m], [N] that slips beyond its knee, alike to either side."""
-    last = level + panel.drive[drive].saturated_stiffness * (REACH - knee) + 1.0
-    return symmetric_law(drive, [*points, (knee, level), (REACH, last)])
+    return bushing(panel, drive, values, first=[(travel, first)])
 
 
 def bushing_table(
@@ -155,11 +138,8 @@ def bushing_table(
             break
         x, force = end, force + k * (end - x)
         half.append((x, force))
-    slope = (
-        stiffness * float(np.exp(-softness[len(half)])) if len(half) < len(softness) else stiffness
-    )
-    knee = x + (level - force) / slope
-    return _symmetric_bushing(panel, drive, half, knee=knee, level=level)
+    beyond = softness[len(half)] if len(half) < len(softness) else 0.0
+    return bushing(panel, drive, values, first=half, softness=beyond)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -480,9 +460,7 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
         )
         return {stiffness_key(drive): beyond}
 
-    softened = replace(
-        _softness(f"{knee}.softness"), start=-float(np.log(KNEE_STIFFNESS)), lower=0.0
-    )
+    softened = replace(_softness(f"{knee}.softness"), lower=0.0)
     return [
         Cause(
             name="drive law",
@@ -495,7 +473,12 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
             group=_first_travel((drive,)),
             drives=(drive,),
             beside=beside,
-            law=lambda values: table(panel, drive, values, backlash=values[play]),
+            law=lambda values: bushing(
+                panel,
+                drive,
+                values,
+                first=[(0.5 * values[play], PLAY_FORCE)] if values[play] > 0.0 else (),
+            ),
         ),
         Cause(
             name="drive law",
@@ -507,12 +490,12 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
             tries=(0.15, 0.4),
             least=LEAST_KNEE,
             drives=(drive,),
-            law=lambda values: table(
+            law=lambda values: bushing(
                 panel,
                 drive,
                 values,
                 knee=values[knee],
-                knee_stiffness=float(np.exp(-values[f"{knee}.softness"])),
+                knee_softness=values[f"{knee}.softness"],
             ),
         ),
     ]

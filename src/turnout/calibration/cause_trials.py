@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from turnout.calibration.candidate_causes import Cause
-from turnout.calibration.drive_law.candidates import level_key
-from turnout.calibration.drive_law.fit_law import criteria
+from turnout.calibration.drive_laws import level_key
 from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import Frame, Misfit, framed, jacobian
@@ -136,8 +135,7 @@ def cause_trials(
                 linear.append((cause, columns))
             continue
         trial, best = _tried(found, cause, misfit, origin)
-        gain = criteria(plain, parameters=0, samples=samples)[1]
-        gain -= criteria(best, parameters=max(len(cause.parameters), 1), samples=samples)[1]
+        gain = plain - best - max(len(cause.parameters), 1) * float(np.log(samples))
         single.append([(replace(trial, gain=gain), cause)])
     chosen = _chosen_together(r, J, linear, samples=samples, most=most, decisive=decisive)
     return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item, _ in choice))

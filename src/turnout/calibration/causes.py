@@ -23,7 +23,6 @@ from turnout.calibration.cause_trials import (
     with_cause,
 )
 from turnout.calibration.comparison import Key
-from turnout.calibration.drive_law.fit_law import END
 from turnout.calibration.evaluate import Evaluator, throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE
@@ -49,6 +48,8 @@ AT_ONCE = 2
 # The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
 # of that: with more noise, or with noise found again too early, it would stay where it is.
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
+# Predicted decrease of the cost for each parameter below which a thorough fit tries no step.
+THOROUGH_DECREASE = 0.1
 # How often a fit with a cause goes on where it stopped before its end.
 MOST_ROUNDS = 2
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
@@ -474,7 +475,16 @@ def _fitted_with(
         local=replace(found.local, stepped={}),
     )
     if thorough:
-        return fit(misfit, vary, values, near=start, on_step=on_step, **END)
+        # What half a step of the solver moves is within the noise that causes are judged by.
+        return fit(
+            misfit,
+            vary,
+            values,
+            near=start,
+            refined=False,
+            min_decrease=THOROUGH_DECREASE,
+            on_step=on_step,
+        )
     return brief_fit(
         misfit,
         vary,

@@ -51,12 +51,6 @@ class Noise:
         """Standard deviation of a bin."""
         return float(np.sqrt(self.white**2 + self.slow**2 + self.missed**2))
 
-    def effective(self, time: Floats) -> float:
-        """Return how many independent samples the bins are worth for their mean."""
-        ones = np.ones(time.size)
-        factor = self.factor(time)
-        return float(self.total**2 * np.sum(np.linalg.solve(factor, ones) ** 2))
-
     def factor(self, time: Floats) -> Floats:
         """Return the lower Cholesky factor of the covariance at some times, read only.
 

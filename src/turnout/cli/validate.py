@@ -1,9 +1,7 @@
 """The command `turnout validate`: predict measured movements and judge the errors."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,16 +26,13 @@ from turnout.cli.output import (
     refuse,
     resumable,
 )
-from turnout.cli.watch import ProgressBar, watched
+from turnout.cli.watch import watched
 from turnout.measurement.campaign.campaign_folder import throw_store
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.calibration.drive_law.compare import LawComparison
-    from turnout.calibration.evaluate import Evaluator
     from turnout.calibration.validation.acceptance import Acceptance
-    from turnout.panel.load import LoadedPanel
 
 PAGE, TABLE, DATASET = "validation.md", "movements.csv", "validation.nc"
 MAP, COMPARISON = "errors.png", "comparison.png"
@@ -54,7 +49,6 @@ def validate_command(
     place: str | None = option(
         "--place PLACE", "Place whose movements are drawn; default the middle one."
     ),
-    laws: str | None = option("--drive-laws DRIVE", "Also compare drive laws for this drive."),
     allow_outside: OutsideOption = False,
     workers: int = option("--workers N", "Processes.", default=2, min=1),
     strict: bool = option("--strict", "Exit code 1 if the calibration is not valid."),
@@ -74,18 +68,18 @@ def validate_command(
     dataset = opened_campaign(source, None, out=written, allow_outside=allow_outside, quiet=quiet)
     if place is not None:
         _check_place(dataset, place)
-    if laws is not None:
-        from turnout.calibration.drive_law.candidates import drive_laws
-
-        drive_laws(loaded, laws)
     for text in check_provenance(known, loaded):
         note(f"{calibration}: {text}")
+    from turnout.calibration.evaluate import Evaluator
     from turnout.calibration.validation.acceptance import judge
     from turnout.calibration.validation.validate import validate
     from turnout.calibration.validation.verdict_text import acceptance_lines, notes
 
-    evaluating = partial(_evaluating, loaded, throw_store(source), workers=workers, quiet=quiet)
-    with evaluating(loaded.name) as (watch, evaluator):
+    with (
+        resumable("throws so far are cached, run the same command to continue"),
+        watched(loaded.name, quiet=quiet) as watch,
+        Evaluator(loaded, folder=throw_store(source), workers=workers) as evaluator,
+    ):
 
         def report(stage: str, done: int, total: int) -> None:
             watch.report(done, total, text=f"{loaded.name}: {stage}")
@@ -98,16 +92,7 @@ def validate_command(
         _write(output, out, found, verdict, place=place)
     level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
     output.show(coloured(verdict.text, level))
-    compared = None
-    if laws is not None:
-        from turnout.calibration.drive_law.compare import compare_laws, law_lines
-
-        with evaluating(f"fitting laws of drive {laws}") as (watch, evaluator):
-            compared = compare_laws(
-                dataset, loaded, known, drive=laws, evaluator=evaluator, report=watch.report
-            )
-        output.lines(law_lines(compared))
-    output.json(validation_record, verdict, notes(found), compared, units=VALIDATION_UNITS)
+    output.json(validation_record, verdict, notes(found), units=VALIDATION_UNITS)
     if strict and not verdict.accepted:
         raise typer.Exit(FINDINGS)
 
@@ -121,21 +106,6 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
     if place not in known:
         near = choices(known)
         refuse(f"--place: no closing movement with an object at '{place}'; there are {near}")
-
-
-@contextmanager
-def _evaluating(
-    panel: "LoadedPanel", folder: Path, text: str, *, workers: int, quiet: bool
-) -> "Iterator[tuple[ProgressBar, Evaluator]]":
-    """Give a watch, and processes that throw a panel and keep the throws in a folder."""
-    from turnout.calibration.evaluate import Evaluator
-
-    with (
-        resumable("throws so far are cached, run the same command to continue"),
-        watched(text, quiet=quiet) as watch,
-        Evaluator(panel, folder=folder, workers=workers) as evaluator,
-    ):
-        yield watch, evaluator
 
 
 def _write(
@@ -162,17 +132,14 @@ def _middle(places: list[str]) -> str:
 
 
 VALIDATION_UNITS = {"rms": "N", "spread": "N", "contact": "s", "slope": "1", "peak": "N"}
-VALIDATION_UNITS |= {"plateau": "N", "nominal": "N"}
+VALIDATION_UNITS |= {"plateau": "N"}
 
 
-def validation_record(
-    verdict: "Acceptance", remarks: Sequence[str], laws: "LawComparison | None" = None
-) -> dict[str, Any]:
-    """Return verdict, errors of each channel, and the comparison of drive laws."""
+def validation_record(verdict: "Acceptance", remarks: Sequence[str]) -> dict[str, Any]:
+    """Return verdict and errors of each channel."""
     return {
         "valid": verdict.accepted,
         **picked(verdict, "text", "reasons", "judged", "used", "cover", "power"),
         "channels": [{**asdict(part), "spreads": part.spreads} for part in verdict.channels],
         "remarks": [*verdict.remarks, *remarks],
-        "drive_laws": laws,
     }
