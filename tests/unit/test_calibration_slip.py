@@ -52,6 +52,7 @@ def test_a_level_that_was_only_pushed_away_is_not_reported(monkeypatch: pytest.M
     largest = max(float(item.signals[0].values.max()) for item in whole.movements)
     # A fit that stops as soon as the level hardly matters; there its slope still does.
     monkeypatch.setattr("turnout.calibration.fit.MAX_STEPS", 0)
+    monkeypatch.setattr("turnout.calibration.fit.SMOOTH_PASSES", 0)
     found = fit(whole, whole.parameters, {**TRUE, KEY: 0.999 * largest})
     assert spread_of(found).states[2] == "fitted"
     honest, warnings = drop_unidentified_slip_levels(found)

@@ -31,6 +31,7 @@ from turnout.calibration.fit import (
     Fit,
     brief_fit,
     fit,
+    smooth_end,
 )
 from turnout.calibration.fitted_file import movement_rows
 from turnout.calibration.grid_search import GridSearch, sweep
@@ -480,23 +481,20 @@ class _Run:
         if search.misses:
             # Exact slopes are no remedy for what it still misses; finer throws are where it is
             # trusted all the same.
-            found = self._brief_end(misfit, found)
+            found = brief_fit(
+                misfit,
+                found.parameters,
+                found.values,
+                near=found,
+                passes=MAX_PASSES,
+                steps=MAX_STEPS,
+                on_step=on_step,
+            )
             if is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found):
                 return found
-            near = replace(misfit, base=found.values, effects=found.misfit.effects)
-            return self._brief_end(near.refined(found.values), found)
+            refined = replace(found, misfit=found.misfit.refined(found.values))
+            return smooth_end(refined, misfit, on_step=on_step)
         return fit(misfit, found.parameters, found.values, near=found, on_step=on_step)
-
-    def _brief_end(self, misfit: Misfit, near: Fit) -> Fit:
-        return brief_fit(
-            misfit,
-            near.parameters,
-            near.values,
-            near=near,
-            passes=MAX_PASSES,
-            steps=MAX_STEPS,
-            on_step=self.watch.found,
-        )
 
     def _misfit(
         self,

@@ -40,6 +40,7 @@ from turnout.calibration.parameter import (
 )
 from turnout.calibration.predict import compared, predicted
 from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
+from turnout.core.errors import SolverError
 from turnout.core.running_current import MAD_TO_SIGMA
 from turnout.core.threads import one_blas_thread
 
@@ -69,6 +70,9 @@ ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.02
 # row: far from the end a step is to shorten by so much.
 BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
 BRIEF_REJECTED = 4
+# Planes at the end of a fit at most, the predicted decrease for each parameter below which it is
+# there [square of a standard deviation], and after how many of them noise is found again.
+SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES = 8, 0.3, 3
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
 # Relative change of the noise beyond which the fit is repeated with it [-].
@@ -189,6 +193,10 @@ def fit(
     known = refined and near is not None and not is_poor(near.misfit)
     if near is not None and known:
         misfit = replace(misfit, comparison=noise_near(near.misfit, misfit.comparison))
+        start = replace(near, misfit=misfit.refined(values), values=values, iterations=0)
+        found = smooth_end(start, first, on_step=on_step)
+        if found.converged and not is_poor(found.misfit):
+            return found
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
         poor = is_poor(misfit) if number else not known
@@ -210,7 +218,61 @@ def fit(
         misfit = reestimate_noise(found, first)
         if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
-    return replace(found, iterations=iterations)
+    found = replace(found, iterations=iterations)
+    return smooth_end(found, first, on_step=on_step) if refined and not poor else found
+
+
+@one_blas_thread()
+def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | None = None) -> Fit:
+    """Go on with a fit from where it ended, by means over throws on all sides.
+
+    Near its end single throws decide nothing: the cost is rough, and steps that would lower it are
+    refused. Each step is that of a plane through responses on all sides, and is taken as it is.
+
+    Parameters
+    ----------
+    found : Fit
+        Near its end.
+    first : Misfit
+        As of `reestimate_noise`.
+    on_step : callable, optional
+        As of `fit`.
+
+    Returns
+    -------
+    Fit
+        The same one where a throw cannot be simulated.
+    """
+    names, misfit, values = [p.name for p in found.parameters], found.misfit, found.values
+    for number in range(1, SMOOTH_PASSES + 1):
+        try:
+            local = misfit.smoothed(values, names)
+        except SolverError:
+            return found
+        frame = framed(local, misfit)
+        r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
+        step, predicted_decrease = bounded_step(r, J, found.parameters, values, 0.0)
+        effects = effects_after(misfit, local, frame, names, step)
+        values = {
+            **local.values,
+            **values_at(found.parameters, coordinates(found.parameters, values) + step),
+        }
+        local = local.moved(values, dict(zip(names, step, strict=True)))
+        near = predicted_decrease < SMOOTH_DECREASE * len(names)
+        message = "converged" if near else f"stopped after {number} planes before convergence"
+        frame = framed(local, misfit)
+        r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
+        found = _ended(
+            misfit, found.parameters, (local, frame, r, J), found.iterations + 1, message, near
+        )
+        if on_step is not None:
+            on_step(found.rms)
+        # Noise that is found again with each step may alternate, and so would the steps.
+        again = reestimate_noise(found, first) if number <= SMOOTH_NOISES else misfit
+        if near and same_noise(misfit, again):
+            break
+        misfit = replace(again, effects=effects)
+    return found
 
 
 @one_blas_thread()

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import circulant, hadamard
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
@@ -25,6 +27,8 @@ SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
 OBJECT_DIFFERENCE = 0.05
 # Slopes with thickness and place of an object change so much less over a coordinate [-].
 SLOWER = 0.2
+# Pairs of throws on opposite sides, for a plane of few parameters.
+FEWEST_PAIRS = 4
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
@@ -79,6 +83,15 @@ class Linearisation:
             for number, response in enumerate(self.simulated)
         )
         return replace(self, values=values, simulated=simulated)
+
+    def each_moved(self, steps: Sequence[Mapping[str, float]]) -> "Linearisation":
+        """Return this with each response as slopes foretell it a step of its own away."""
+        pairs = zip(self.simulated, steps, strict=True)
+        simulated = tuple(
+            _along(response, self._changes(number, step)) if any(step.values()) else response
+            for number, (response, step) in enumerate(pairs)
+        )
+        return replace(self, simulated=simulated)
 
     def apart(
         self, one: Mapping[str, float], other: Mapping[str, float], parameters: Sequence[Parameter]
@@ -141,6 +154,102 @@ def _along(base: Response, changes: Sequence[tuple[Response, Response, float]]) 
         object_force=base.object_force
         + sum(size * (after.object_force - was.object_force) for after, was, size in changes),
     )
+
+
+def reach_of(parameter: Parameter) -> float:
+    """Return how far to all sides a parameter is thrown for a plane [coordinate]."""
+    return DIFFERENCE if parameter.prior and not is_of_object(parameter) else FINE_DIFFERENCE
+
+
+def points_about(
+    values: Mapping[str, float], parameters: Sequence[Parameter]
+) -> list[dict[str, float]]:
+    """Return values on all sides of others, and at several distances, as `mirrored_signs` has them.
+
+    What is rough over a part of the distance then differs from throw to throw.
+    """
+    signs = mirrored_signs(len(parameters))
+    pairs = len(signs) // 2
+    far = np.tile(0.5 + (np.arange(pairs) + 0.5) / pairs, 2)
+    return [
+        {
+            **values,
+            **{
+                p.name: p.value(p.coordinate(values[p.name]) + float(side) * reach_of(p))
+                for p, side in zip(parameters, row, strict=True)
+            },
+        }
+        for row in signs * far[:, None]
+    ]
+
+
+def plane_of(
+    values: Mapping[str, float],
+    parameters: Sequence[Parameter],
+    points: Sequence[Mapping[str, float]],
+    responses: Sequence[Response],
+) -> tuple[Response, dict[str, Response]]:
+    """Return the plane nearest to responses: at values, and one reach aside for each parameter.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        In the middle.
+    parameters : sequence of Parameter
+        Those that differ.
+    points : sequence of mapping of str to float
+        From `points_about`.
+    responses : sequence of Response
+        In the middle, then at the points.
+    """
+    steps = [
+        [
+            (p.coordinate(point[p.name]) - p.coordinate(values[p.name])) / reach_of(p)
+            for p in parameters
+        ]
+        for point in (values, *points)
+    ]
+    rows = np.array(steps, dtype=np.float64).reshape(len(responses), len(parameters))
+    weights = np.linalg.pinv(np.column_stack([np.ones(len(responses)), rows]))
+    return combined(responses, weights[0]), {
+        p.name: combined(responses, weights[0] + row)
+        for p, row in zip(parameters, weights[1:], strict=True)
+    }
+
+
+def combined(responses: Sequence[Response], weights: NDArray[np.float64]) -> Response:
+    """Return a weighted sum of responses, which are on the same times."""
+    return replace(
+        responses[0],
+        drive_force={
+            name: weights @ np.stack([item.drive_force[name] for item in responses])
+            for name in responses[0].drive_force
+        },
+        object_force=weights @ np.stack([item.object_force for item in responses]),
+    )
+
+
+def mirrored_signs(count: int) -> NDArray[np.float64]:
+    """Return sides on which so many parameters are thrown together, shape (n, count).
+
+    Columns are orthogonal, and each row has its mirror image, so that no slope is taken for that of
+    another parameter, nor for its change with a third (Plackett and Burman 1946, doi
+    10.1093/biomet/33.4.305).
+
+    Examples
+    --------
+    >>> mirrored_signs(3).shape, mirrored_signs(9).shape
+    ((8, 3), (24, 9))
+    >>> sides = mirrored_signs(11)
+    >>> bool((sides.T @ sides == 24.0 * np.eye(11)).all() and (sides[:12] == -sides[12:]).all())
+    True
+    """
+    if 8 < count <= 12:
+        rows = circulant([1, -1, 1, 1, -1, 1, 1, 1, -1, -1, -1])
+        half = np.column_stack([np.ones(12), np.vstack([rows, -np.ones(11)])])
+    else:
+        half = hadamard(max(FEWEST_PAIRS, 1 << max(count - 1, 0).bit_length()))
+    return np.asarray(np.vstack([half, -half])[:, :count], dtype=np.float64)
 
 
 def leaders_of(
