@@ -37,7 +37,6 @@ LONG = (
     "tests/faults/test_detector_recordings.py",
     "tests/unit/test_detector_calibrating.py",
     "tests/unit/test_detector_another_switch.py",
-    "tests/unit/test_study_discrepancy_fit.py",
     "tests/unit/test_web_worker.py",
     "tests/unit/test_detection_pod.py",
     "tests/unit/test_detection_throws.py",

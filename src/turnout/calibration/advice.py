@@ -1,4 +1,4 @@
-"""Systematic errors that the parameters of a fit would absorb, and what to measure next."""
+"""Systematic errors that the parameters of a fit would absorb, and the next movement to measure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -96,7 +96,7 @@ def systematic_errors(found: Fit) -> list[str]:
 
 
 def _systematic_error(found: Fit, what: str, column: Floats) -> str:
-    """Return a sentence on one error: what it does to the parameters, and whether it is seen.
+    """Return a sentence on one error: its effect on the parameters, and how well it is seen.
 
     Gains, zeros, clock and discrepancy are unknowns here as in the fit, so what they take up is
     not said to be seen.
@@ -142,7 +142,7 @@ def _systematic_error(found: Fit, what: str, column: Floats) -> str:
 
 
 def _taken_up(found: Fit, rest: Floats) -> str:
-    """Say which sensors an error is taken for, from what the parameters leave of it."""
+    """Name the sensors that an error is taken for, from its rest after the parameters."""
     shared = found.frame.shared
     if shared is None:
         return ""

@@ -108,7 +108,7 @@ REFINED = "; at its end with half the step and mesh, and modes to four times the
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CalibrationOutcome:
-    """A calibration and what it was made with, for what comes after.
+    """A calibration, with its fit, spread and movements.
 
     Attributes
     ----------
@@ -294,7 +294,7 @@ def _comparison(
 
 
 def _advice(final: Fit, values: tuple[Fit, Spread], panel: LoadedPanel) -> list[str]:
-    """Return what errors parameters would absorb, and what to measure next."""
+    """Return lines on errors that parameters would absorb, and on the next movement to measure."""
     return [*systematic_errors(final), *next_lines(next_movements(*values, panel))]
 
 
@@ -330,7 +330,7 @@ def _result(
 
 
 def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, ...]:
-    """Say why values are not trustworthy; what is far off is not said twice."""
+    """Return the reasons not to trust values, each once."""
     found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
     found += prior_reasons(final, causes)
     named = [text.split(":")[0] for text in found]
@@ -340,7 +340,7 @@ def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, .
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
-    """The stages of one calibration: the best fit so far, and what ended it before its end."""
+    """The stages of one calibration: the best fit so far, and the cause of an early end."""
 
     plan: CalibrationPlan
     panel: LoadedPanel
@@ -355,7 +355,7 @@ class _Run:
     def stages(
         self,
     ) -> tuple[list[StageLog], list[GridSearch], list[str], Fit, CauseSearch | None]:
-        """Do all stages, each from where the one before ended."""
+        """Do all stages, each from the end of the one before."""
         values = {item.name: item.start for item in self.plan.parameters}
         scatter = dict(self.comparison.scatter)
         logs: list[StageLog] = []
@@ -414,7 +414,7 @@ class _Run:
         parameters: Sequence[Parameter],
         chosen: tuple[MeasuredMovement, ...],
     ) -> tuple[Fit, CauseSearch]:
-        """Fit to the end, with a lead of the motors and what else the misfit asks for.
+        """Fit to the end, with a lead of the motors and the causes that the misfit asks for.
 
         Where this is ended after the first fit, what was found by then is given.
         """
@@ -435,7 +435,7 @@ class _Run:
     def _first(
         self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
     ) -> tuple[Misfit, Fit]:
-        """Return the first fit by throws of the scheme, and where it began: with a lead if any."""
+        """Return the first fit by throws of the scheme, and its start, with a lead if any."""
         # Slopes of quick throws serve to see what is missed, and for a first step.
         quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
@@ -448,7 +448,7 @@ class _Run:
         return start, first_fit(start, parameters, near, found, on_step=self.watch.found)
 
     def _searched(self, chosen: tuple[MeasuredMovement, ...]) -> tuple[Fit, CauseSearch]:
-        """Look for causes of what the first fit misses, and fit to the end.
+        """Look for causes of the misfit of the first fit, and fit to the end.
 
         Movements that lead near show that as well; all that were chosen join for the end.
         """
@@ -475,7 +475,7 @@ class _Run:
         return final, search.ended(final)
 
     def _final(self, search: CauseSearch) -> Fit:
-        """Fit to the end from where a search for causes ended."""
+        """Fit to the end from the end of a search for causes."""
         misfit = replace(search.first, base=search.found.values)
         found, on_step = search.found, self.watch.found
         if search.misses:

@@ -264,7 +264,7 @@ def _linear(name: str, upper: float, unit: str, *, lower: float = 0.0) -> Parame
 
 
 def _recorders() -> list[Cause]:
-    """Return what a recorder may do to forces, each with its delay as size."""
+    """Return filters of a recorder, each with its delay as size."""
     average = _recorder_cause(
         "recorder.average",
         lambda size: Recorder(average=size),
@@ -384,7 +384,7 @@ def _bushings(panel: LoadedPanel) -> list[Cause]:
 
 
 def _first_travel(drives: Sequence[str]) -> str:
-    """Return the group of what a drive does over its first travel: soft, or play."""
+    """Return the group of soft first travels and play of drives."""
     return f"first travel of {drives[0]}" if len(drives) == 1 else ""
 
 

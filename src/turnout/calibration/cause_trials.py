@@ -1,4 +1,4 @@
-"""How well each cause explains what a model misses: tried with values adjusted to first order."""
+"""Evidence for each cause of a misfit, tried with values adjusted to first order."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,7 +31,7 @@ NEARLY, LOWER = 0.85, 0.98
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestedCause:
-    """How well a cause explains what the model misses.
+    """Evidence for one cause.
 
     Attributes
     ----------
