@@ -6,10 +6,13 @@ from tests.unit.simulated import sb2_run
 
 from turnout.mechanism.mechanism import RailBody
 from turnout.throw.recovery import (
-    force_motion,
-    lateral_displacement,
+    Motion,
+    RowTerms,
+    histories_of,
     lateral_rows,
+    output_rows,
     recover_motion,
+    row_motion,
 )
 
 
@@ -34,10 +37,18 @@ def test_rows_are_recovered() -> None:
     run = sb2_run()
     motion, rows = recover_motion(run.mechanism, run.history), run.mechanism.rows
     model = run.history.model
-    recovered = run.history.q @ (rows @ model.modes).T + rows @ model.residual_load
-    recovered += force_motion(motion, rows @ model.residual_shapes).T
+    terms = RowTerms(rows @ model.modes, rows @ model.residual_shapes, rows @ model.residual_load)
+    recovered = output_rows(motion, terms).over_time(histories_of(run.history)).T
     assert np.abs(run.history.g).max() > 0.1
     np.testing.assert_allclose(recovered, run.history.g, rtol=0, atol=1e-12)
+
+
+def lateral_displacement(
+    motion: Motion, rail: str, x: np.ndarray, z: np.ndarray, at: np.ndarray | None = None
+) -> np.ndarray:
+    """Return lateral displacements of points of a rail over time [m]."""
+    body = motion.rails[rail]
+    return row_motion(motion, [(body, lateral_rows(body, x, z))], at=at)
 
 
 def test_points_are_where_the_rows_say() -> None:

@@ -1,7 +1,6 @@
 """Channels from stored displacements: exact, and right between steps too."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,18 +13,17 @@ from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.throw.coordinates import dataset_coordinates, indexed
 from turnout.throw.gaps import gap_places, gap_rows
-from turnout.throw.output_weights import (
+from turnout.throw.output_rows import (
+    HISTORIES,
+    OutputRows,
     RowBlock,
-    RowWeights,
     clear_row_blocks,
-    evenly_spaced,
     kept_row_blocks,
     merge_blocks,
-    products_of,
     sums_of_columns,
+    weighted_columns,
 )
-from turnout.throw.recovery import histories_of, recover_motion, row_terms, weighted_rows
-from turnout.throw.rows_over_time import Product, WeightedRows, rows_in_lines, write_rows
+from turnout.throw.recovery import histories_of, output_rows, recover_motion, row_terms
 from turnout.throw.save import Save
 from turnout.throw.simulate import Solved, simulate, solve
 from turnout.throw.stored_displacements import stored_rows, stored_share, stored_weights
@@ -49,8 +47,7 @@ def test_stored_displacements_say_what_modes_and_forces_say(solved: Solved) -> N
             _, parts = gap_rows(panel, motion, rail, X, contact_height(panel, rail, X))
             for number, some in enumerate((parts[:1], parts)):
                 terms = row_terms(motion, some, with_stored=with_stored)
-                out = np.empty((X.size, solved.history.time.size))
-                write_rows([weighted_rows(motion, terms, out)], histories_of(solved.history))
+                out = output_rows(motion, terms).over_time(histories_of(solved.history))
                 found[with_stored, rail, number] = out, terms
     for rail in panel.rail:
         for number in (0, 1):
@@ -103,45 +100,29 @@ def test_what_is_left_goes_to_the_rail_with_fewer_rows() -> None:
     np.testing.assert_allclose(rest, [0.0, 0.0, 2.0, 0.0], atol=1e-12)
 
 
-def test_rows_are_written_over_all_blocks_of_instants() -> None:
-    generator = np.random.default_rng(5)
-    values, other = generator.normal(size=(601, 40)), generator.normal(size=(601, 3))
-    weights = np.zeros((6, 40))
-    weights[0, 3] = 1.0
-    weights[1, 2:5] = 0.5, -2.0, 7.0
-    weights[3, 39] = 1.0
-    weights[4, [0, 38]] = 1.0, 2.0
-    weights[5, 6] = -1.0
-    start = np.arange(6.0)
-    for minus in (False, True):
-        out = np.full((6, 601), np.nan)
-        rows = WeightedRows(products_of(weights, "g"), out, start, minus)
-        write_rows([rows], {"g": values, "q": other})
-        expected = start[:, np.newaxis] + (-1 if minus else 1) * weights @ values.T
-        np.testing.assert_allclose(out, expected, atol=1e-13)
+def over_time(rows: OutputRows, **histories: np.ndarray) -> np.ndarray:
+    """Return rows over time; histories that are not given have no columns."""
+    count = next(iter(histories.values())).shape[0]
+    return rows.over_time({name: histories.get(name, np.zeros((count, 0))) for name in HISTORIES})
 
 
-@pytest.mark.parametrize("count", [1, 7, 32, 64, 131])
-def test_rows_are_sums_in_the_order_of_their_products(count: int) -> None:
+@pytest.mark.parametrize("count", [1, 7, 8, 32, 33, 64, 131, 601])
+def test_rows_are_their_start_and_their_terms_in_order(count: int) -> None:
     generator = np.random.default_rng(count)
-    # Histories are pieces of wider memory, and rows begin at any address.
+    # Histories are pieces of wider memory.
     g, q = (generator.normal(size=(count, 24))[:, :n] for n in (20, 9))
-    weights = generator.normal(size=(3, 9))
-    products = [
-        *sums_of_columns("g", np.array([[1, 2], [3, 3], [0, 19], [5, 7]]), rows=np.arange(4)),
-        Product("g", slice(4, 7), np.array([0, 2, 5]), added=False),
-        Product("q", slice(0, 9), slice(1, 4), weights, added=True),
-    ]
-    first = np.stack([g[:, 4], g[:, 3] + g[:, 3], g[:, 5], g[:, 5] + g[:, 7]])
-    expected = np.full((6, count), np.nan)
-    expected[:4] = first
-    expected[1:4] += [fused(row, q) for row in weights]
-    expected[5] = g[:, 6]
-    start = np.arange(6.0)
-    for memory in (np.full((6, count), np.nan), rows_in_lines(6, count)):
-        memory[:] = np.nan
-        write_rows([WeightedRows(products, memory, start, minus=True)], {"g": g, "q": q})
-        np.testing.assert_array_equal(memory, start[:, np.newaxis] - expected)
+    of_g, of_q = generator.normal(size=(6, 20)), generator.normal(size=(6, 9))
+    of_g[1], of_q[:2] = 0.0, 0.0
+    of_g[0], of_g[0, 3] = 0.0, 1.0
+    start = np.array([0.0, *range(1, 6)])
+    for sign in (1.0, -1.0):
+        rows = weighted_columns(start, {"g": sign * of_g, "q": sign * of_q})
+        found = over_time(rows, g=g, q=q)
+        values, weights = np.hstack((q, g)), sign * np.hstack((of_q, of_g))
+        expected = [fused(b, w, values) for b, w in zip(start, weights, strict=True)]
+        np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(found[0], sign * g[:, 3])
+        assert found[1].tolist() == [1.0] * count
 
 
 @pytest.mark.parametrize("count", [3, 70])
@@ -149,36 +130,23 @@ def test_histories_with_few_columns_or_columns_apart_are_read_as_they_are(count:
     generator = np.random.default_rng(count)
     few, apart = generator.normal(size=(count, 3)), generator.normal(size=(count, 40))[:, ::4]
     backwards = generator.normal(size=(count, 12))[::-1]
-    products = [
-        *sums_of_columns("few", np.array([[2], [0]]), rows=np.array([0, 1])),
-        *sums_of_columns("apart", np.array([[9], [4]]), rows=np.array([2, 3])),
-        *sums_of_columns("backwards", np.array([[11, 3]]), rows=np.array([4])),
-    ]
-    out = np.full((5, count), np.nan)
-    write_rows([WeightedRows(products, out)], {"few": few, "apart": apart, "backwards": backwards})
-    last = backwards[:, 11] + backwards[:, 3]
-    expected = np.stack([few[:, 2], few[:, 0], apart[:, 9], apart[:, 4], last])
-    np.testing.assert_array_equal(out, expected)
+    whole = np.arange(12 * count).reshape(count, 12)
+    for history, columns in ((few, 2), (apart, 9), (backwards, 11), (whole, 8)):
+        found = over_time(sums_of_columns("law_force", [[columns, 1], [0]]), law_force=history)
+        np.testing.assert_array_equal(found, [history[:, 1] + history[:, columns], history[:, 0]])
 
 
-def fused(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return weighted sums of columns, each step rounded once."""
-    found = np.zeros(values.shape[0])
+def fused(start: float, weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return a start and weighted columns, each step rounded once."""
+    found = np.full(values.shape[0], start)
     for weight, column in zip(weights, values.T, strict=True):
+        if weight == 0.0:
+            continue
         for t in range(0, found.size, LANES):
             own, size = slice(t, t + LANES), found[t : t + LANES].size
             eight = [np.resize(part, LANES) for part in (column[own], found[own])]
             found[own] = multiply_add(np.full(LANES, weight), *eight)[:size]
     return found
-
-
-@pytest.mark.parametrize(
-    "places", [[], [4], [1, 2, 3], [0, 5, 10], [3, 2, 1], [1, 1, 1], [1, 2, 4]]
-)
-def test_slices_take_what_indices_take(places: list[int]) -> None:
-    indices = np.array(places, dtype=np.int64)
-    values = np.arange(12.0)
-    assert values[evenly_spaced(indices)].tolist() == values[indices].tolist()
 
 
 def test_kept_indexes_make_the_same_coordinates(solved: Solved) -> None:
@@ -224,39 +192,12 @@ def test_a_run_without_all_channels_has_those_that_it_keeps(solved: Solved) -> N
             assert some[name].equals(whole[name]), name
 
 
-INTEGERS: Any = np.zeros((2, 3), dtype=np.int64)
-FIXED = np.zeros((2, 3))
-FIXED.flags.writeable = False
-PAIRS = [[0, 1], [2, 3]]
-
-
-@pytest.mark.parametrize(
-    ("out", "columns", "kind", "start", "message"),
-    [
-        (FIXED, PAIRS, "f8", None, "writeable"),
-        (np.zeros((2, 6))[:, ::2], PAIRS, "f8", None, "without gaps"),
-        (INTEGERS, PAIRS, "f8", None, "must be floats"),
-        (np.zeros((2, 4)), PAIRS, "f8", None, "history g must be floats of 4 instants"),
-        (np.zeros((2, 3)), PAIRS, "f8", np.zeros(1), "a start for each row"),
-        (np.zeros((2, 3)), PAIRS, "f4", None, "history g must be floats"),
-        (np.zeros((2, 3)), [[0, 4], [2, 3]], "f8", None, ""),
-    ],
-    ids=["fixed", "gaps", "integers", "instants", "start", "single", "beyond"],
-)
-def test_what_the_kernel_would_misread_is_refused(
-    out: Any, columns: list[list[int]], kind: str, start: Any, message: str
-) -> None:
-    products = sums_of_columns("g", np.array(columns), rows=np.arange(2))
-    history: Any = np.arange(12.0).reshape(3, 4).astype(kind)
-    with pytest.raises(ValueError if message else IndexError, match=message or None):
-        write_rows([WeightedRows(products, out, start=start)], {"g": history, "q": history})
-
-
-def test_rows_of_other_instants_than_the_first_are_refused() -> None:
-    products = sums_of_columns("g", np.array(PAIRS), rows=np.arange(2))
-    rows = [WeightedRows(products, np.zeros((2, count))) for count in (3, 2)]
-    with pytest.raises(ValueError, match="3 instants"):
-        write_rows(rows, {"g": np.zeros((3, 4))})
+def test_histories_that_the_kernel_would_misread_are_refused() -> None:
+    rows = sums_of_columns("g", [[0, 3]])
+    with pytest.raises(ValueError, match="the history g must hold 5 instants and 4 columns"):
+        over_time(rows, q=np.zeros((5, 1)), g=np.zeros((5, 3)))
+    with pytest.raises(ValueError, match="the history g must hold 5 instants"):
+        over_time(rows, q=np.zeros((5, 1)), g=np.zeros((4, 4)))
 
 
 def test_weights_are_made_once_for_rails_that_throws_share(solved: Solved) -> None:
@@ -267,7 +208,7 @@ def test_weights_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
 
     def make() -> list[RowBlock]:
         made.append(1)
-        return [RowBlock([], {})]
+        return [RowBlock(sums_of_columns("g", []), {})]
 
     shared = panel.rail
     assert kept_row_blocks((shared,), ("once",), make) is kept_row_blocks(
@@ -281,28 +222,16 @@ def test_weights_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
 
 
 def test_merged_blocks_hold_what_they_hold_apart() -> None:
-    weights, histories = np.array([[1.0, 0.0], [0.5, 2.0]]), {"g": np.arange(26.0).reshape(13, 2)}
-    one = RowBlock([(RowWeights(tuple(products_of(weights, "g"))), 2)], {"one": (0, (2,))})
-    two = RowBlock([(RowWeights(tuple(products_of(2.0 * weights, "g"))), 2)], {"two": (1, (1,))})
-    found = dict[str, Any]()
-    for block in (one, two, merge_blocks([one, two])):
-        arrays, rows = block.lay_out(13)
-        write_rows(rows, histories)
-        for name, values in arrays.items():
-            np.testing.assert_array_equal(values, found.setdefault(name, values))
-    assert {name: values.shape for name, values in found.items()} == {
-        "one": (2, 13),
-        "two": (1, 13),
-    }
-
-
-def test_rows_without_weights_are_what_they_start_with_and_others_are_left() -> None:
-    out, left = np.empty((2, 13)), np.full((2, 4), 7.0)
-    nothing = Product("g", np.arange(3), slice(0, 2), np.zeros((2, 3)))
-    write_rows([WeightedRows([nothing], out, start=np.array([1.0, 2.0]))], {"g": np.ones((13, 3))})
-    np.testing.assert_array_equal(out, np.broadcast_to([[1.0], [2.0]], out.shape))
-    write_rows([RowWeights((), unknown=(1,)).into(left)], {"g": np.zeros((4, 9))})
-    np.testing.assert_array_equal(left, [[7.0] * 4, [np.nan] * 4])
+    history = np.arange(26.0).reshape(13, 2)
+    histories = dict.fromkeys(HISTORIES, history)
+    one = RowBlock(sums_of_columns("g", [[0], [0, 1]]), {"one": (0, (2,))})
+    two = RowBlock(sums_of_columns("q", [[0], [1]], sign=-1.0), {"two": (1, (1,))})
+    apart = one.over_time(histories) | two.over_time(histories)
+    together = merge_blocks([one, two]).over_time(histories)
+    assert together.keys() == apart.keys()
+    for name, values in together.items():
+        np.testing.assert_array_equal(values, apart[name])
+    np.testing.assert_array_equal(together["two"], -history[:, 1:].T)
 
 
 def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:
@@ -314,15 +243,7 @@ def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:
                 shared[0] = 1.0
 
 
-def test_rows_of_which_nothing_is_known_are_nan_and_near_rows_are_like_others() -> None:
-    history = np.random.default_rng(3).normal(size=(70, 9))
-    products = tuple(sums_of_columns("g", np.array([[8], [1]]), rows=np.array([0, 2])))
-    found = []
-    for near in (False, True):
-        out = rows_in_lines(3, 70)
-        out[:] = 0.0
-        write_rows([RowWeights(products, near=near, unknown=(1,)).into(out)], {"g": history})
-        found.append(out)
-    np.testing.assert_array_equal(found[0], found[1])
-    np.testing.assert_array_equal(found[0][[0, 2]], history[:, [8, 1]].T)
-    assert np.isnan(found[0][1]).all()
+def test_rows_of_which_nothing_is_known_are_nan_and_no_zero_is_negative() -> None:
+    found = over_time(sums_of_columns("g", [[0], [], [1]], sign=-1.0), g=np.zeros((70, 2)))
+    assert np.isnan(found[1]).all()
+    assert not np.signbit(found[[0, 2]]).any()

@@ -42,7 +42,7 @@ from turnout.throw.lock_and_control import (
     distance_labels,
     force_margins,
 )
-from turnout.throw.output_weights import RowBlock, merge_blocks
+from turnout.throw.output_rows import RowBlock, merge_blocks
 from turnout.throw.recovery import (
     Motion,
     histories_of,
@@ -50,7 +50,6 @@ from turnout.throw.recovery import (
     row_blocks_of,
 )
 from turnout.throw.route import DirectedMovement, sensor_rails
-from turnout.throw.rows_over_time import WeightedRows, write_rows
 from turnout.throw.save import Save
 from turnout.throw.signals import (
     ENERGIES,
@@ -451,10 +450,7 @@ def channel_rows(
         *(index.chair, index.chair_friction, index.roller, index.roller_friction, index.stop),
     )
     values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
-    arrays, rows = dict[str, Floats](), list[WeightedRows]()
+    arrays = dict[str, Floats]()
     for block in row_blocks_of(motion, named, values, blocks):
-        made, own = block.lay_out(history.time.size)
-        arrays |= made
-        rows += own
-    write_rows(rows, histories_of(history))
+        arrays |= block.over_time(histories_of(history))
     return arrays

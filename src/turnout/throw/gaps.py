@@ -15,7 +15,7 @@ from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.solver.condense import CondensedRails
 from turnout.solver.seen import SeenRows
-from turnout.throw.output_weights import RowBlock, RowWeights
+from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows
 from turnout.throw.recovery import (
     CondensedShapes,
     Motion,
@@ -24,13 +24,12 @@ from turnout.throw.recovery import (
     condensed_shapes,
     histories_of,
     lateral_rows,
+    output_rows,
     row_blocks_of,
     row_terms,
-    row_weights,
     stack_terms,
 )
 from turnout.throw.route import closed_rail, closed_spans
-from turnout.throw.rows_over_time import write_rows
 
 Floats = NDArray[np.float64]
 AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
@@ -85,17 +84,16 @@ def shape_block(panel: Panel, motion: Motion, x: Floats) -> RowBlock:
     RowBlock
         "lateral_displacement", positive in +y, and "gap" [m]; NaN beyond a rail.
     """
-    moved, open_distances = list[RowWeights](), list[RowWeights]()
+    moved, open_distances = list[OutputRows](), list[OutputRows]()
     for name, height in zip(panel.rail, _contact_heights(panel, x), strict=True):
         start, parts = gap_rows(panel, motion, name, x, height)
         towards = row_terms(motion, parts[:1])
         less = row_terms(motion, parts) if parts[1:] else towards
-        minus = SIDE[panel.rail[name].closes] < 0
-        moved.append(row_weights(motion, towards, minus=minus))
-        open_distances.append(row_weights(motion, less, start=start, minus=True))
+        moved.append(output_rows(motion, towards, sign=SIDE[panel.rail[name].closes]))
+        open_distances.append(output_rows(motion, less, start=start, sign=-1.0))
     shape = len(moved), x.size
     parts_of = {"lateral_displacement": (0, shape), "gap": (len(moved) * x.size, shape)}
-    return RowBlock([(item, x.size) for item in moved + open_distances], parts_of)
+    return RowBlock(stack_rows(moved + open_distances), parts_of)
 
 
 def gap_rows(
@@ -214,17 +212,15 @@ def split_gaps_of(
 def place_block(panel: Panel, motion: Motion) -> RowBlock:
     """Return the open distances at all `gap_places`, which `split_gaps` takes: "places" [m]."""
     start, less = _seen_together(panel, motion, gap_places(panel))
-    weights = row_weights(motion, less, start=start, minus=True, near=True)
-    return RowBlock([(weights, start.size)], {"places": (0, start.shape)})
+    rows = output_rows(motion, less, start=start, sign=-1.0)
+    return RowBlock(rows, {"places": (0, start.shape)})
 
 
 def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
     """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
     named = (gap_places(panel), panel.rail, panel.stock_rail)
     (block,) = row_blocks_of(motion, named, ("gaps",), lambda: [place_block(panel, motion)])
-    arrays, rows = block.lay_out(motion.history.time.size)
-    write_rows(rows, histories_of(motion.history))
-    return arrays["places"]
+    return block.over_time(histories_of(motion.history))["places"]
 
 
 def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:

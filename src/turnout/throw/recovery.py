@@ -24,15 +24,13 @@ from turnout.solver.condense import (
     CondensedRails,
 )
 from turnout.solver.integration import History
-from turnout.throw.output_weights import (
+from turnout.throw.output_rows import (
+    HISTORIES,
+    OutputRows,
     RowBlock,
-    RowWeights,
-    evenly_spaced,
     kept_row_blocks,
-    products_of,
-    products_with,
+    weighted_columns,
 )
-from turnout.throw.rows_over_time import Product, WeightedRows, rows_in_lines, write_rows
 from turnout.throw.stored_displacements import stored_rows, stored_share
 
 Floats = NDArray[np.float64]
@@ -98,46 +96,10 @@ def recover_motion(mechanism: Mechanism, history: History) -> Motion:
     return Motion(before.rails, before.shapes, condensed, before.rows, history)
 
 
-def force_motion(motion: Motion, shapes: Floats, *, at: Ints | None = None) -> Floats:
-    """Return displacements by row forces under those of the laws over time.
-
-    The force on a row is that of laws and frictions beyond the linear system. It is never formed
-    for all rows and instants: each kind of force goes by its own columns.
-
-    Parameters
-    ----------
-    motion : Motion
-        The run.
-    shapes : ndarray, shape (n, n_rows)
-        Displacements for a unit force along each row [m/N].
-    at : ndarray of int, optional
-        Indices of the wanted instants; default all.
-
-    Returns
-    -------
-    ndarray, shape (n, n_times)
-        [m]
-    """
-    moved = np.zeros((shapes.shape[0], (motion.history.time if at is None else at).size))
-    products = _force_products(motion, shapes, slice(0, shapes.shape[0]))
-    write_rows([WeightedRows(products, moved)], histories_of(motion.history, at))
-    return moved
-
-
-def _force_products(motion: Motion, shapes: Floats, rows: slice | Ints) -> list[Product]:
-    """Return the products of `force_motion` that are added to rows."""
-    laws = motion.history.laws
-    return [
-        *products_with(shapes * motion.slope, "g", rows=rows),
-        *products_with(-shapes[:, laws.row], "law_force", rows=rows),
-        *products_with(-shapes[:, laws.friction_row], "friction_force", rows=rows),
-    ]
-
-
 def histories_of(history: History, at: Ints | None = None) -> dict[str, Floats]:
     """Return the histories for rows over time, at some instants or all."""
-    names = ("q", "g", "law_force", "friction_force")
-    return {name: _at(getattr(history, name), at) for name in names}
+    found = {name: getattr(history, name) for name in HISTORIES}
+    return found if at is None else {name: values[at] for name, values in found.items()}
 
 
 def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
@@ -168,31 +130,6 @@ def lateral_rows(body: RailBody, x: Floats, z: Floats) -> Floats:
     return rows
 
 
-def lateral_displacement(
-    motion: Motion, rail: str, *, x: Floats, z: Floats, at: Ints | None = None
-) -> Floats:
-    """Return lateral displacements of points of a rail over time, positive in +y.
-
-    Parameters
-    ----------
-    motion : Motion
-        The run.
-    rail : str
-        Name of the rail.
-    x, z : ndarray, shape (n_points,)
-        Places and heights above the reference line [m].
-    at : ndarray of int, optional
-        Indices of the wanted instants; default all.
-
-    Returns
-    -------
-    ndarray, shape (n_points, n_times)
-        [m]; NaN beyond the rail.
-    """
-    body = motion.rails[rail]
-    return row_motion(motion, [(body, lateral_rows(body, x, z))], at=at)
-
-
 def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Floats:
     """Return rows over the reduced coordinates of some rails, evaluated over time.
 
@@ -209,10 +146,7 @@ def row_motion(motion: Motion, parts: Parts, *, at: Ints | None = None) -> Float
     -------
     ndarray, shape (n_rows, n_times)
     """
-    terms = row_terms(motion, parts)
-    found = rows_in_lines(terms.load.size, (motion.history.time if at is None else at).size)
-    write_rows([weighted_rows(motion, terms, found)], histories_of(motion.history, at))
-    return found
+    return output_rows(motion, row_terms(motion, parts)).over_time(histories_of(motion.history, at))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,7 +179,6 @@ class RowTerms:
 # Rails without objects and rows are shared by many throws; named by identity and kept beside.
 _terms = LRUCache[tuple[RowTerms, Parts, object]](64)
 _shares = LRUCache[tuple[Floats, Parts, object]](64)
-_of_stored = LRUCache[tuple[list[Product], object]](64)
 
 
 def row_terms(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True) -> RowTerms:
@@ -301,7 +234,7 @@ def _terms_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows
     for body, rows in parts:
         number, first = block_of(blocks, body)
         part, own = blocks[number], slice(first, first + body.count)
-        of_modes, of_shapes, of_load = in_block(part, rows, own)
+        of_modes, of_shapes, of_load = multiply_by_block(part, rows, own)
         modes[:, ends[number] : ends[number + 1]] += of_modes
         shapes[:, part.block.rows] += of_shapes
         load += of_load
@@ -335,30 +268,21 @@ def stack_terms(terms: Sequence[RowTerms]) -> RowTerms:
     )
 
 
-def weighted_rows(motion: Motion, terms: RowTerms, out: Floats) -> WeightedRows:
-    """Return rows to be written over time."""
-    return row_weights(motion, terms).into(out)
-
-
-def row_weights(
-    motion: Motion,
-    terms: RowTerms,
-    *,
-    start: Floats | None = None,
-    minus: bool = False,
-    near: bool = False,
-) -> RowWeights:
-    """Return the weights of rows, on top of their `start`, shape (n_rows,)."""
-    products = list(_stored_products(terms.stored, terms.load.size))
-    left = np.flatnonzero(terms.modes.any(axis=1) | terms.shapes.any(axis=1))
-    if left.size:
-        rows = evenly_spaced(left)
-        products += products_with(terms.modes[left], "q", rows=rows)
-        products += _force_products(motion, terms.shapes[left], rows)
-    begun = terms.load
-    if minus or start is not None:
-        begun = (0.0 if start is None else start) + (-terms.load if minus else terms.load)
-    return RowWeights(tuple(products), begun if begun.any() else None, minus, near)
+def output_rows(
+    motion: Motion, terms: RowTerms, *, start: Floats | float = 0.0, sign: float = 1.0
+) -> OutputRows:
+    """Return rows over time, as their `start` plus or minus some terms."""
+    laws = motion.history.laws
+    displaced = terms.shapes * motion.slope
+    if terms.stored is not None:
+        displaced += terms.stored
+    weights = {
+        "q": sign * terms.modes,
+        "g": sign * displaced,
+        "law_force": -sign * terms.shapes[:, laws.row],
+        "friction_force": -sign * terms.shapes[:, laws.friction_row],
+    }
+    return weighted_columns(start + sign * terms.load, weights)
 
 
 def row_blocks_of(
@@ -374,62 +298,14 @@ def row_blocks_of(
     return kept_row_blocks((*named, *of_rails), (*values, *of_laws), make)
 
 
-def _stored_products(stored: Floats | None, count: int) -> Sequence[Product]:
-    """Return the products of stored displacements, found once for those that are shared."""
-    if stored is None:
-        return products_of(np.zeros((count, 0)), "g")
-    kept = _of_stored.get(id(stored))
-    if kept is not None:
-        return kept[0]
-    found = products_of(stored, "g")
-    if not stored.flags.writeable:
-        _of_stored.put(id(stored), (found, stored))
-    return found
-
-
-def _at(values: Floats, at: Ints | None) -> Floats:
-    return values if at is None else values[at]
-
-
-# Blocks are shared by many throws; they are named by identity and kept beside.
-_places = LRUCache[tuple[tuple[int, int], object]](512)
-
-
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
     """Return the number of the block of a rail, and the index of its first coordinate in it."""
-    key = (id(blocks), body.first)
-    kept = _places.get(key)
-    if kept is not None:
-        return kept[0]
-    found = _find_block(blocks, body)
-    if isinstance(blocks, tuple):  # else not there to stay
-        _places.put(key, (found, blocks))
-    return found
-
-
-def _find_block(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
     for number, part in enumerate(blocks):
         first = int(np.searchsorted(part.block.coordinates, body.first))
         if first < part.block.coordinates.size and part.block.coordinates[first] == body.first:
             return number, first
     message = f"rail {body.name} is in no block"
     raise KeyError(message)
-
-
-# Blocks and rows are shared by many throws; both are named by identity and kept beside.
-_products = LRUCache[tuple[tuple[Floats, Floats, Floats], object]](256)
-
-
-def in_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
-    """Return `multiply_by_block`, evaluated once for rows that throws share."""
-    key = (id(part), id(rows), own.start)
-    found = _products.get(key)
-    if found is not None:
-        return found[0]
-    made = multiply_by_block(part, rows, own)
-    if not rows.flags.writeable:
-        _products.put(key, (made, (part, rows)))
-    return made
 
 
 def multiply_by_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:

@@ -40,9 +40,8 @@ from turnout.solver.energy import (
 )
 from turnout.solver.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.solver.integration import History
-from turnout.throw.output_weights import RowBlock, RowWeights, sums_of_columns
+from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows, sums_of_columns
 from turnout.throw.recovery import Motion, row_motion
-from turnout.throw.rows_over_time import Product
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -128,18 +127,14 @@ def force_block(panel: Panel, mechanism: Mechanism, *, objects: bool, links: boo
     drives = [index.drive[name] for name in panel.drive]
     of_objects = list(index.object.values()) if objects else []
     of_links = [index.link[name] for name in panel.link] if links else []
-
-    def sums(laws: Sequence[int], *, minus: bool) -> tuple[RowWeights, int]:
-        columns = np.array(laws, dtype=np.int64)[:, np.newaxis]
-        products = sums_of_columns("law_force", columns, rows=np.arange(len(laws)))
-        return RowWeights(tuple(products), minus=minus, near=True), len(laws)
-
+    on_rail = sums_of_columns("law_force", ([law] for law in drives), sign=-1.0)
+    others = sums_of_columns("law_force", ([law] for law in of_objects + of_links))
     parts = {"drive_force": (0, (len(drives),))}
     if objects:
         parts["object"] = (len(drives), (len(of_objects),))
     if of_links:
         parts["link_force"] = (len(drives) + len(of_objects), (len(of_links),))
-    return RowBlock([sums(drives, minus=True), sums(of_objects + of_links, minus=False)], parts)
+    return RowBlock(stack_rows([on_rail, others]), parts)
 
 
 def object_memory(mechanism: Mechanism, history: History) -> dict[str, Channel]:
@@ -188,12 +183,11 @@ def chair_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
     """Return normal force and friction on the rail at every chair, summed over plate and roller."""
     index, chairs = mechanism.index, list(itertools.product(panel.rail, panel.chair))
     normal = _sums_at("law_force", chairs, _joined(index.chair, index.roller))
-    # 0.0 - F: no negative zeros of friction
     frictions = _joined(index.chair_friction, index.roller_friction)
-    friction = _sums_at("friction_force", chairs, frictions, minus=True)
-    shape, count = (len(panel.rail), len(panel.chair)), len(chairs)
-    parts = {"chair_normal_force": (0, shape), "chair_friction_force": (count, shape)}
-    return RowBlock([(normal, count), (friction, count)], parts)
+    friction = _sums_at("friction_force", chairs, frictions, sign=-1.0)
+    shape = len(panel.rail), len(panel.chair)
+    parts = {"chair_normal_force": (0, shape), "chair_friction_force": (len(chairs), shape)}
+    return RowBlock(stack_rows([normal, friction]), parts)
 
 
 def _joined(
@@ -211,16 +205,10 @@ def _sums_at(
     places: Sequence[tuple[str, str]],
     laws: Mapping[tuple[str, str], Sequence[int]],
     *,
-    minus: bool = False,
-) -> RowWeights:
+    sign: float = 1.0,
+) -> OutputRows:
     """Return the sum of the forces of all laws at each place; of places without any it is NaN."""
-    found: list[Product] = []
-    for count in {len(own) for own in laws.values()}:
-        rows = [n for n, place in enumerate(places) if len(laws.get(place, ())) == count]
-        columns = np.array([laws[places[n]] for n in rows], dtype=np.int64)
-        found += sums_of_columns(history, columns, rows=np.array(rows))
-    unknown = tuple(number for number, place in enumerate(places) if not laws.get(place))
-    return RowWeights(tuple(found), minus=minus, unknown=unknown)
+    return sums_of_columns(history, (laws.get(place, ()) for place in places), sign=sign)
 
 
 def stop_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
@@ -228,8 +216,7 @@ def stop_block(panel: Panel, mechanism: Mechanism) -> RowBlock:
     places = list(itertools.product(panel.rail, stop_names(panel)))
     laws = {place: (law,) for place, law in mechanism.index.stop.items()}
     shape = len(panel.rail), len(panel.stop) + len(panel.stud)
-    weights = _sums_at("law_force", places, laws)
-    return RowBlock([(weights, len(places))], {"stop_force": (0, shape)})
+    return RowBlock(_sums_at("law_force", places, laws), {"stop_force": (0, shape)})
 
 
 def stop_names(panel: Panel) -> list[str]:

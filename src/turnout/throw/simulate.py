@@ -154,7 +154,7 @@ def release_memory() -> None:
     """Free memory that a next run would use again: histories, condensed rails."""
     from turnout.throw.dataset import clear_descriptions
     from turnout.throw.dataset_template import clear_datasets
-    from turnout.throw.output_weights import clear_row_blocks
+    from turnout.throw.output_rows import clear_row_blocks
 
     clear_memory()
     clear_row_blocks()
@@ -372,8 +372,7 @@ def compile_kernels(*, machines: bool = False) -> None:
         Whether the kernels for drives that are machines are wanted.
     """
     from turnout.throw.flangeway import compile_distances
-    from turnout.throw.output_weights import sums_of_columns
-    from turnout.throw.rows_over_time import WeightedRows, write_rows
+    from turnout.throw.output_rows import HISTORIES, sums_of_columns
     from turnout.throw.signals import energy_channels
 
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
@@ -390,9 +389,7 @@ def compile_kernels(*, machines: bool = False) -> None:
         end=panel.schedule.end,
         prior=prior_motion(panel),
     )
-    one = np.zeros(1, dtype=np.int64)
-    products = sums_of_columns("g", one[:, np.newaxis], rows=one)
-    write_rows([WeightedRows(products, np.zeros((1, 1)))], {"g": np.zeros((1, 1))})
+    sums_of_columns("g", [[0]]).over_time(dict.fromkeys(HISTORIES, np.zeros((1, 1))))
     energy_channels(np.zeros((1, STORED)), np.zeros((1, LEDGER)))
     compile_distances()
 
