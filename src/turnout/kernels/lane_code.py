@@ -71,15 +71,6 @@ def _build_store_nontemporal(_context: Any, builder: Any, args: tuple[Any, ...])
     instruction.set_metadata("nontemporal", builder.module.add_metadata([one]))
 
 
-def _build_prefetch(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
-    (array,) = args
-    place = builder.bitcast(array.data, ir.IntType(8).as_pointer())
-    whole = ir.IntType(32)
-    kind = ir.FunctionType(ir.VoidType(), [place.type, whole, whole, whole])
-    found = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
-    builder.call(found, [place, *(ir.Constant(whole, choice) for choice in (0, 3, 1))])
-
-
 def _build_gather(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     values, places, at = args
     found = ir.Constant(_EIGHT, ir.Undefined)
@@ -212,7 +203,6 @@ def _register_lanes() -> None:
     register_intrinsic(
         lanes.store_nontemporal, types.none, _build_store_nontemporal, _eight, _values, index_kind
     )
-    register_intrinsic(lanes.prefetch, types.none, _build_prefetch, _values)
     register_intrinsic(lanes.gather, _LANES, _build_gather, _values, _places, index_kind)
     register_intrinsic(
         lanes.gather_neighbours, _LANES, _build_gather_neighbours, _values, _places, index_kind

@@ -79,10 +79,6 @@ def store(eight: Floats, to: Floats, at: int) -> None:
     to[at : at + LANES] = eight
 
 
-def prefetch(values: Floats) -> None:
-    """Bring the cache line of the first float close to the processor; it need not exist."""
-
-
 def store_nontemporal(eight: Floats, to: Floats, at: int) -> None:
     """Store eight floats, aligned to a cache line, past the caches: for values not read soon."""
     to[at : at + LANES] = eight

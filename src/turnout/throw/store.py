@@ -1,4 +1,8 @@
-"""Datasets in netCDF files, written whole or not at all and read back to the last bit."""
+"""Datasets in netCDF files, written whole or not at all.
+
+All is read back to the last bit but fields: what is sampled along a rail or at each of its many
+chairs, stops and fastenings is kept in single precision, in steps of 1/16 N and 1/4 um.
+"""
 
 import json
 from collections.abc import Hashable, Mapping
@@ -18,6 +22,9 @@ ENGINE: Any = "h5netcdf"
 LEAST_CONTENT, CONTENT_A_BYTE = 300_000_000, 100
 LONGEST_SHOWN = 100
 COMPRESSION = {"zlib": True, "complevel": 1, "shuffle": True}
+FIELD_DIMENSIONS = frozenset({"x", "chair", "stop", "fastening"})
+FIELD_STEP = {"m": 2.0**-22, "N": 2.0**-4, "N m": 2.0**-4}
+"""Steps of fields by unit, far below the error of a run; a file takes 3 MB in place of 11."""
 # netCDF has neither logical values nor None: they travel as JSON, and this attribute names them.
 JSON_ATTRIBUTES = "json_attributes"
 
@@ -54,7 +61,7 @@ def response_bytes(dataset: xr.Dataset) -> bytes:
 
 def _content(dataset: xr.Dataset) -> memoryview:
     """Return the content of the file as it lies in memory, not copied."""
-    stored = dataset.copy()
+    stored = dataset.assign({name: _field(v) for name, v in dataset.items() if _is_field(v)})
     stored.attrs = _encoded({"Conventions": CONVENTIONS, **dataset.attrs})
     encoding = {
         name: dict(COMPRESSION)
@@ -62,6 +69,18 @@ def _content(dataset: xr.Dataset) -> memoryview:
         if variable.ndim and variable.size and variable.dtype.kind in "fb"
     }
     return memoryview(stored.to_netcdf(engine=ENGINE, encoding=encoding))
+
+
+def _is_field(variable: xr.DataArray) -> bool:
+    dims = set(variable.dims)
+    return "time" in dims and not dims.isdisjoint(FIELD_DIMENSIONS) and variable.dtype.kind == "f"
+
+
+def _field(variable: xr.DataArray) -> xr.DataArray:
+    """Return a field in single precision, in whole steps of its unit."""
+    step = FIELD_STEP.get(variable.attrs.get("units", ""))
+    rounded = variable if step is None else (variable / step).round() * step
+    return rounded.astype(np.float32).assign_attrs(variable.attrs)
 
 
 def open_response(path: Path | str) -> xr.Dataset:
@@ -75,7 +94,7 @@ def open_response(path: Path | str) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        In memory; the file is closed again.
+        In memory, in double precision; the file is closed again.
 
     Raises
     ------
@@ -150,6 +169,8 @@ def _restored(dataset: xr.Dataset) -> xr.Dataset:
         for name, variable in dataset.variables.items()
         if variable.dtype.kind in "OTSU"
     }
+    fields = {name: v.astype(np.float64) for name, v in dataset.items() if _is_field(v)}
+    dataset = dataset.assign(fields)
     restored = dataset.assign_coords({k: v for k, v in texts.items() if k in dataset.coords})
     restored = restored.assign({k: v for k, v in texts.items() if k in dataset.data_vars})
     attributes = {name: _plain(value) for name, value in dataset.attrs.items()}
