@@ -2,11 +2,11 @@
 
 Everything follows from the number of a switch and from one seed. Panels are the cases of the study
 `plausible-panels` as it was when the benchmark was frozen (`panels.toml`). States, and what differs
-from throw to throw, are those of the reference case of detection, about the values of the panel. A
-panel belongs to one side of the split with all its switches.
+from throw to throw, are those of the reference case of detection then, about the values of the
+panel. A panel belongs to one side of the split with all its switches.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from turnout.core.errors import StudyError
 from turnout.core.json_files import to_plain
 from turnout.core.provenance import content_hash
 from turnout.detection.reference import reference_study
+from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
 
 VERSION = 2
@@ -126,6 +127,27 @@ def panels_study() -> Study:
     return load_study(PANELS)
 
 
+LATER = ("movement.ramp", "object_defaults.face_slope")
+"""Inputs of the reference case that came after this version was frozen."""
+
+
+def population_of(panel: LoadedPanel | None = None) -> Study:
+    """Return the reference case as it was when this version was frozen.
+
+    Parameters
+    ----------
+    panel : LoadedPanel, optional
+        As of `reference_study`.
+    """
+    study = reference_study(panel)
+    design = study.design
+    kept = [number for number, item in enumerate(design.drawn) if item.name not in LATER]
+    copula = None if design.copula is None else design.copula[np.ix_(kept, kept)]
+    drawn = tuple(design.drawn[number] for number in kept)
+    variables = {name: item for name, item in study.variables.items() if name not in LATER}
+    return replace(study, variables=variables, design=replace(design, drawn=drawn, copula=copula))
+
+
 def test_panels(panels: int) -> frozenset[int]:
     """Return which panels are for testing.
 
@@ -182,7 +204,7 @@ def definition_digest(counts: Counts) -> str:
         "seed": SEED,
         "counts": asdict(counts),
         "panels": panels_study().digest,
-        "reference": reference_study().digest,
+        "reference": population_of().digest,
         "switches": [asdict(item) for item in switches_of(counts)],
     }
     return content_hash(to_plain(content))

@@ -19,6 +19,7 @@ from benchmarks.detection.definition import (
     Counts,
     Switch,
     panels_study,
+    population_of,
 )
 from turnout.core.errors import PanelError, StudyError
 from turnout.detection.detector.training_plan import (
@@ -29,7 +30,7 @@ from turnout.detection.detector.training_plan import (
     Plan,
     Population,
 )
-from turnout.detection.reference import TEMPERATURE, reference_study
+from turnout.detection.reference import TEMPERATURE
 from turnout.detection.throws import places_of
 from turnout.panel.load import LoadedPanel
 from turnout.study.defects import DEFECTS, Row
@@ -104,7 +105,7 @@ def study_of(switch: Switch) -> Study:
 
     `shifts_of` says by how much they move to those of the panel.
     """
-    return replace(reference_study(panel_of(switch)), design=reference_study().design)
+    return replace(population_of(panel_of(switch)), design=population_of().design)
 
 
 def throws_of_switch(switch: Switch, counts: Counts) -> SwitchThrows:
@@ -220,7 +221,7 @@ def shifts_of(study: Study) -> Mapping[str, float]:
 
     What the reference case multiplies is about the panel's value anyway.
     """
-    usual = reference_study().panel
+    usual = population_of().panel
     found = {}
     for name, variable in study.variables.items():
         if not variable.factor and name.endswith(SHIFTED):

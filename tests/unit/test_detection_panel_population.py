@@ -93,6 +93,17 @@ def test_a_further_drive_leaves_the_states_of_the_others() -> None:
     assert all(after[name] == pytest.approx(before[name], rel=1e-12) for name in before)
 
 
+def test_ends_of_the_motion_and_faces_lie_about_those_of_the_panel() -> None:
+    changes = {"movement.ramp": 0.5, "object_defaults.face_slope": -0.2}
+    study = reference_study(load_panel(DEFAULT, overrides=changes))
+    laws = {item.name: item.law for item in study.design.drawn}
+    assert laws["movement.ramp"].bounds == pytest.approx((0.4, 0.6))
+    assert laws["object_defaults.face_slope"].bounds == pytest.approx((-0.3, -0.1))
+    sudden = reference_study(load_panel(DEFAULT, overrides={"movement.ramp": 0.0}))
+    law = next(item.law for item in sudden.design.drawn if item.name == "movement.ramp")
+    assert law.bounds == pytest.approx((0.0, 0.1))
+
+
 def test_a_fit_of_nothing_does_not_vary_and_that_is_said() -> None:
     study = reference_study(load_panel("60e1-300-1-9"))
     assert not any("fit_gap" in name for name in study.variables)

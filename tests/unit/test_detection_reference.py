@@ -1,5 +1,7 @@
 """The reference case: what is drawn, and that a smaller population is the beginning of a larger."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,12 +20,20 @@ def test_every_input_is_of_a_switch_or_of_a_throw() -> None:
     names = {*study.variables, *(field.name for field in study.fields)}
     assert set(PER_THROW) < names
     assert set(switch_inputs(study)) == names - set(PER_THROW)
-    assert len(switch_inputs(study)) == 12
+    assert len(switch_inputs(study)) == 13
 
 
 def test_fewer_states_are_the_first_of_many() -> None:
     few, many = reference_study(count=3), reference_study(count=30)
     assert few.scenario(2).overrides == many.scenario(2).overrides
+
+
+def test_what_was_added_last_leaves_the_draws_of_the_others() -> None:
+    design = reference_study(count=3).design
+    fewer = replace(design, drawn=design.drawn[:-2], copula=design.copula[:-2, :-2])
+    before, after = fewer.drawn_values(2), design.drawn_values(2)
+    assert set(after) - set(before) == {"movement.ramp", "object_defaults.face_slope"}
+    assert {name: after[name] for name in before} == before
 
 
 def test_spreads_are_those_that_are_stated() -> None:

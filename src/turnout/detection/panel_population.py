@@ -29,6 +29,8 @@ SCATTER = {
     "stress_free": DIFFERENCE,
     "extra_time": DIFFERENCE,
     "start": DIFFERENCE,
+    "ramp": DIFFERENCE,
+    "face_slope": DIFFERENCE,
     "section_scale": SHARE,
     "lateral_inertia_scale": SHARE,
 }
@@ -37,6 +39,7 @@ BOUNDS = {
     "over_travel_closed": (0.0, np.inf),
     "stress_free": (0.0, 1.0),
     "extra_time": (0.0, np.inf),
+    "ramp": (0.0, np.inf),
 }
 """What values may be."""
 MIDDLES = ("minimum", "maximum", "mean", "median", "mode")

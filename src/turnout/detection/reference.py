@@ -20,7 +20,10 @@ from turnout.study.study import Study
 
 STUDY = "detection-reference"
 
-PER_THROW = ("chair.friction_coefficient", "temperature", "movement.return.start", "chair field")
+PER_THROW = (
+    *("chair.friction_coefficient", "temperature", "movement.return.start", "chair field"),
+    "object_defaults.face_slope",
+)
 """Inputs of the study that differ from throw to throw; all others are fixed for a switch."""
 
 FRICTION, TEMPERATURE, FIELD_MEAN = "chair.friction_coefficient", "temperature", "chair field.mean"
