@@ -43,8 +43,8 @@ from turnout.throw.store import open_response
             ("piece = 0.95", "it cannot break", "no more than 0.1 mm of its 2 mm", "smaller piece"),
         ),
         (
-            ("--object", "13mm stone@drive1, strength=-1MPa"),
-            ("strength = -1 MPa", "must be 1 to 200 MPa"),
+            ("--object", "13mm stone@drive1, strength=0.1MPa"),
+            ("strength = 0.1 MPa", "must be 1 to 200 MPa"),
         ),
         (("--object", "13mm stone@drive1, toughness=-1MPa"), ('no "toughness"',)),
         (("--step", "1"), ("--step 1", "write the unit")),

@@ -157,14 +157,14 @@ def test_limits_of_the_library_and_of_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (HEAD, "has no classes; give at least one"),
-        (HEAD + "class = []\n", "has no classes"),
-        (CLASS.format("80 km/h", "9 mm"), "schema_version: must be 1"),
-        (HEAD + CLASS.format("80 mm", "9 mm"), 'class 1: up_to = "80 mm"'),
+        (HEAD, "class: is missing"),
+        (HEAD + "class = []\n", "class = []: needs at least 1"),
+        (CLASS.format("80 km/h", "9 mm"), "schema_version: is missing"),
+        (HEAD + CLASS.format("80 mm", "9 mm"), 'class.1.up_to = "80 mm"'),
         (HEAD + CLASS.format("80 km/h", "-9 mm"), "must be more than 0"),
-        (HEAD + 2 * CLASS.format("80 km/h", "9 mm"), "must rise from class to class"),
+        (HEAD + 2 * CLASS.format("80 km/h", "9 mm"), "the speeds `up_to` must rise"),
         (HEAD + "clas = 1\n" + CLASS.format("80 km/h", "9 mm"), "clas: unknown key"),
-        (HEAD + '[[class]]\nup_to = "80 km/h"\n', "class 1: must have up_to and narrowing"),
+        (HEAD + '[[class]]\nup_to = "80 km/h"\n', "class.1.narrowing: is missing"),
     ],
 )
 def test_faulty_limits_are_refused(tmp_path: Path, text: str, words: str) -> None:

@@ -1,7 +1,7 @@
 """Problems in a document: the key, the value given, the allowed values, the nearest name."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,6 +146,25 @@ def describe_error(error: Mapping[str, Any], *, allowed: Iterable[str] = ()) -> 
     if kind == "value_error":
         return given + str(context["error"])
     return given + _requirement(kind, context, str(error["msg"]))
+
+
+def validation_problems(
+    errors: Iterable[Any], *, allowed: Callable[[tuple[str, ...]], Iterable[str]] = lambda _: ()
+) -> list[str]:
+    """Describe all errors of pydantic, each with its key; members of lists count from 1.
+
+    Parameters
+    ----------
+    errors : iterable of mapping
+        `ValidationError.errors()`.
+    allowed : callable
+        The keys of the table at a path.
+    """
+    found = []
+    for item in errors:
+        path = [str(part + 1) if isinstance(part, int) else part for part in item["loc"]]
+        found.append(".".join(path) + describe_error(item, allowed=allowed(tuple(path[:-1]))))
+    return list(dict.fromkeys(found))
 
 
 def _requirement(kind: str, context: Mapping[str, Any], message: str) -> str:

@@ -14,7 +14,7 @@ from pydantic import PrivateAttr, ValidationError
 from turnout.core.errors import MachineError
 from turnout.core.keys import mark_si, origin_at, put
 from turnout.core.library import names_in_library, open_toml, text_in_library
-from turnout.core.problems import choices, describe_error, nearest, show_value
+from turnout.core.problems import choices, nearest, show_value, validation_problems
 from turnout.core.toml import Origin
 from turnout.machine.components import MACHINE_KEYS, Machine, MachineFile
 
@@ -145,10 +145,7 @@ class LoadedMachines(MachineFile):
         try:
             loaded = cls.model_validate(tree)
         except ValidationError as error:
-            for item in error.errors():
-                path = [str(part) for part in item["loc"]]
-                allowed = MACHINE_KEYS.field_names(tuple(path[:-1]))
-                problems.append(".".join(path) + describe_error(item, allowed=allowed))
+            problems += validation_problems(error.errors(), allowed=MACHINE_KEYS.field_names)
         if problems:
             raise MachineError(list(dict.fromkeys(problems)), source=heading)
         loaded._tree, loaded._origins, loaded._source = tree, origins, source

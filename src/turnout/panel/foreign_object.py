@@ -5,11 +5,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
+from pydantic import ValidationError
+
 from turnout.core.errors import PanelError
-from turnout.core.problems import choices, nearest, show_value
-from turnout.core.units import LENGTH, STIFFNESS, TIME, Dimension, parse_quantity
+from turnout.core.problems import choices, describe_error, nearest, show_value
+from turnout.core.units import LENGTH, parse_quantity
 from turnout.law.object_kind import (
-    DIMENSIONS,
     OBJECT_KINDS,
     PARAMETERS,
     Trapped,
@@ -27,16 +28,6 @@ from turnout.panel.records import PanelObject
 OPENING_MARGIN = 0.003
 # A longer object acts at several places along the rail, each with its share [m].
 LONGEST_PART = 0.3
-# From this size on a number was meant in millimetres [m].
-LEAST_SUSPECT = 1.0
-_DIMENSIONS = {
-    "size": LENGTH,
-    "height": LENGTH,
-    "stiffness": STIFFNESS,
-    "appears": TIME,
-    "disappears": TIME,
-    **DIMENSIONS,
-}
 PANEL_DEFAULTS = ("rail", "height", "stiffness", "face_slope", "appears", "disappears")
 """Fields that an object takes from the panel if left out."""
 
@@ -111,33 +102,18 @@ class ForeignObject:
 
     def __post_init__(self) -> None:
         """Turn texts into SI numbers."""
-        problems = []
-        for name, dimension in _DIMENSIONS.items():
-            value = getattr(self, name)
-            if value is None and name != "size":
-                continue
-            try:
-                object.__setattr__(self, name, _quantity(name, value, dimension))
-            except ValueError as error:
-                problems.append(f"{name} = {show_value(value)}: {error}")
-        for name in ("piece", "face_slope"):
-            value = getattr(self, name)
-            if value is not None and (
-                isinstance(value, bool) or not isinstance(value, int | float)
-            ):
-                problems.append(f"{name} = {show_value(value)}: must be a plain number")
-        if isinstance(self.face_slope, int | float) and not -1.0 <= self.face_slope <= 1.0:
-            problems.append(f"face_slope = {show_value(self.face_slope)}: must be from -1 to 1")
-        texts: dict[str, Any] = {"at": self.at, "rail": self.rail or "", "kind": self.kind}
-        problems += [
-            f"{name} = {show_value(value)}: must be text"
-            for name, value in texts.items()
-            if not isinstance(value, str)
-        ]
-        if not problems:
-            problems = [f"{key}{text}" for key, text in kind_faults(self.kind, self.parameters)]
-        if problems:
-            raise PanelError(problems, source="foreign object")
+        given = {name: value for name in _FIELDS if (value := getattr(self, name)) is not None}
+        given |= {name: value.item() for name, value in given.items() if hasattr(value, "item")}
+        try:
+            record = PanelObject.model_validate(given, context={"si": True})
+        except ValidationError as error:
+            faults = [(str(item["loc"][0]), describe_error(item)) for item in error.errors()]
+        else:
+            for name in given:
+                object.__setattr__(self, name, getattr(record, name))
+            faults = list(kind_faults(self.kind, self.parameters))
+        if faults:
+            raise PanelError([f"{key}{text}" for key, text in faults], source="foreign object")
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -176,25 +152,6 @@ class PlacedObject(Trapped):
     disappears: float
     face_slope: float = 0.0
     whole: str = ""
-
-
-def _quantity(name: str, value: Any, dimension: Dimension) -> float:
-    if hasattr(value, "item"):
-        value = value.item()
-    number = parse_quantity(value, dimension, si=True)
-    if name == "size" and number >= LEAST_SUSPECT:
-        message = (
-            f"metres? Nothing of {number:g} m is trapped in a switch; "
-            f'write {1e-3 * number:g} or "{number:g} mm"'
-        )
-        raise ValueError(message)
-    if number <= 0 and name in ("size", "stiffness", "disappears"):
-        message = "must be more than 0"
-        raise ValueError(message)
-    if number < 0 and name == "appears":
-        message = "must be at least 0"
-        raise ValueError(message)
-    return number
 
 
 def resolve_objects(

@@ -1,16 +1,20 @@
 """Limits of track gauge by line speed, from a file, and as a part of a panel that names them."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, ValidationError
 
 from turnout.core.errors import FileError, PanelError
 from turnout.core.files import user_path
 from turnout.core.library import names_a_file, open_toml
-from turnout.core.problems import Problem, choices, nearest, show_value
-from turnout.core.units import LENGTH, SI, SPEED, parse_quantity
+from turnout.core.problems import Problem, show_value, validation_problems
+from turnout.core.quantity import Record
+from turnout.core.units import SI
+from turnout.panel.check_rails import rising_fault
 from turnout.panel.document import Document
 from turnout.panel.model import GaugeClass
 
@@ -18,7 +22,7 @@ DEFAULT_LIMITS = "immediate-action"
 """Limits of the library that are taken unless others are named."""
 LIBRARY = "turnout.metric"
 """Package whose library has the limits."""
-_TOP, _OF_CLASS = ("schema_version", "name", "class"), ("up_to", "narrowing")
+_KEYS = ("schema_version", "name", "class", "up_to", "narrowing")
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,45 +106,29 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
     [0.009, 0.008, 0.007]
     """
     file = open_toml(LIBRARY, name_or_path, kind="table of limits")
-    problems: list[str] = []
-    found = list(_classes(file.data.get("class"), problems))
-    problems += [
-        f"{key}: unknown key{nearest(key, _TOP)}; there are {choices(_TOP)}"
-        for key in file.data
-        if key not in _TOP
-    ]
-    if file.data.get("schema_version") != 1:
-        problems.append("schema_version: must be 1")
-    speeds = [item.up_to for item in found]
-    if any(after <= before for before, after in zip(speeds, speeds[1:], strict=False)):
-        problems.append("class: the speeds `up_to` must rise from class to class")
-    if problems:
-        raise PanelError(problems, source=f"limits of gauge {file.source}")
-    return GaugeLimits(str(file.data.get("name", file.source)), tuple(found))
+    try:
+        found = _LimitsFile.model_validate(file.data)
+    except ValidationError as error:
+        problems = validation_problems(error.errors(), allowed=lambda _: _KEYS)
+        raise PanelError(problems, source=f"limits of gauge {file.source}") from None
+    return GaugeLimits(found.name, tuple(found.classes))
 
 
-def _classes(given: Any, problems: list[str]) -> Iterator[GaugeClass]:
-    """Yield the valid classes of a file, and list its faults."""
-    example = '[[class]] with up_to = "120 km/h" and narrowing = "9 mm"'
-    if not isinstance(given, list) or not given:
-        problems.append(f"has no classes; give at least one {example}")
-        return
-    for number, item in enumerate(given, 1):
-        if not isinstance(item, dict) or sorted(item) != sorted(_OF_CLASS):
-            problems.append(f"class {number}: must have {' and '.join(_OF_CLASS)}, as {example}")
-            continue
-        values = []
-        for key, dimension in zip(_OF_CLASS, (SPEED, LENGTH), strict=True):
-            try:
-                values.append(parse_quantity(item[key], dimension))
-            except ValueError as error:
-                problems.append(f"class {number}: {key} = {show_value(item[key])}: {error}")
-                continue
-            if values[-1] <= 0.0:
-                text = f"class {number}: {key} = {show_value(item[key])}: must be more than 0"
-                problems.append(text)
-        if len(values) == len(_OF_CLASS) and min(values) > 0.0:
-            yield GaugeClass(up_to=SI(values[0]), narrowing=SI(values[1]))
+def _rising(classes: list[GaugeClass]) -> list[GaugeClass]:
+    if fault := rising_fault([item.up_to for item in classes], unit="m/s"):
+        message = f"the speeds `up_to` {fault}"
+        raise ValueError(message)
+    return classes
+
+
+class _LimitsFile(Record):
+    """A file of limits."""
+
+    schema_version: Literal[1]
+    name: str = Field(min_length=1)
+    classes: Annotated[list[GaugeClass], AfterValidator(_rising)] = Field(
+        alias="class", min_length=1
+    )
 
 
 def with_gauge_limits(document: Document, *, folder: Path | None) -> tuple[Document, list[Problem]]:

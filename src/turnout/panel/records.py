@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
 from turnout.core.quantity import (
     AngularStiffness,
@@ -609,10 +609,26 @@ class ObjectDefaults(Record):
     )
 
 
+LEAST_SUSPECT = 1.0
+"""From this size on the number of an object was meant in millimetres [m]."""
+
+
+def _no_metres(size: float) -> float:
+    if size >= LEAST_SUSPECT:
+        message = (
+            f"metres? Nothing of {size:g} m is trapped in a switch; "
+            f'write {1e-3 * size:g} or "{size:g} mm"'
+        )
+        raise ValueError(message)
+    return size
+
+
 class PanelObject(Record):
     """A foreign object that belongs to the panel file."""
 
-    size: Length = Field(gt=0, description="extent across the gap [m]")
+    size: Annotated[Length, AfterValidator(_no_metres)] = Field(
+        gt=0, description="extent across the gap [m]"
+    )
     at: str = Field(description="'sleeper 6', 'drive 1', 'sensor TKK1', 'chair 5' or 'x = 3.6 m'")
     rail: str | None = Field(None, description="switch rail that traps it")
     height: Length | None = Field(None, ge=-1, le=1, description="z of its contact [m]")

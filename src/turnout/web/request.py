@@ -1,11 +1,11 @@
 """Validated requests of the page; values carry their units as in a panel file."""
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from turnout.core.errors import FileError
-from turnout.core.problems import describe_error
+from turnout.core.problems import validation_problems
 
 
 class PageRequest(BaseModel):
@@ -84,9 +84,4 @@ def read_request(kind: type[T], content: bytes) -> T:
     try:
         return kind.model_validate_json(content)
     except ValidationError as error:
-        problems = [_described(item) for item in error.errors(include_url=False)]
-        raise FileError("request: " + "; ".join(problems)) from None
-
-
-def _described(error: Any) -> str:
-    return ".".join(str(part) for part in error["loc"]) + describe_error(error)
+        raise FileError("request: " + "; ".join(validation_problems(error.errors()))) from None

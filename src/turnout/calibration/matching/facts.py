@@ -20,7 +20,7 @@ from turnout.calibration.matching.measures import MEASURES, SHARE
 from turnout.core.errors import PanelError, StudyError
 from turnout.core.json_files import to_plain
 from turnout.core.library import open_toml
-from turnout.core.problems import choices, describe_error, nearest, show_value
+from turnout.core.problems import choices, nearest, show_value, validation_problems
 from turnout.core.provenance import content_hash
 from turnout.core.toml import TomlFile
 from turnout.core.units import Dimension, parse_quantity
@@ -211,7 +211,7 @@ def read_facts(file: TomlFile) -> Facts:
     try:
         record = FactsRecord.model_validate(file.data)
     except ValidationError as error:
-        raise StudyError(_validation_problems(error), source=file.source) from None
+        raise StudyError(validation_problems(error.errors()), source=file.source) from None
     panel = load_named_panel(record.panel, file)
     try:
         by_machines = panel.with_overrides(record.machines, si=False) if record.machines else None
@@ -249,14 +249,6 @@ def read_facts(file: TomlFile) -> Facts:
         answers=answers,
         machines=tuple(sorted(record.machines.items())),
     )
-
-
-def _validation_problems(error: ValidationError) -> list[str]:
-    found = []
-    for item in error.errors(include_url=False):
-        path = ".".join(str(part + 1) if isinstance(part, int) else part for part in item["loc"])
-        found.append(f"{path}{describe_error(item)}")
-    return list(dict.fromkeys(found))
 
 
 @dataclass(frozen=True, slots=True)
