@@ -31,14 +31,13 @@ from turnout.calibration.matching.remaining import (
 )
 from turnout.calibration.matching.survey import survey
 from turnout.metric.panel_check import (
-    FRICTION_RESERVE,
     blind_concerns,
     concerns,
     resting_concerns,
     supply_concerns,
     unusual_concerns,
 )
-from turnout.metric.stability import friction_stability
+from turnout.metric.stability import FACTORS, friction_stability
 from turnout.throw.simulate import simulate
 
 PAGE = EVIDENCE / "plausible-panels.md"
@@ -155,15 +154,19 @@ def whole_check(number: int) -> dict[str, Any]:
     """Return warnings of `turnout panel check` on a case of the library study, and growth rates.
 
     As `turnout.metric.panel_check.panel_concerns`, but with the growth rate of the worst mode at
-    the panel's friction and at `FRICTION_RESERVE` times it also where all modes decay [1/s].
+    the panel's friction and at 1.25 times it also where all modes decay [1/s].
     """
     panel = load_panel_or_case(f"plausible-panels:{number}")
     found = [*unusual_concerns(panel), *resting_concerns(panel), *blind_concerns(panel)]
     found += [*supply_concerns(panel), *concerns(simulate(panel))]
-    sliding = [friction_stability(panel, friction_factor=f) for f in (1.0, FRICTION_RESERVE)]
+    sliding = [friction_stability(panel, friction_factor=f) for f in FACTORS]
     warnings = [item.text for item in found] + [str(item) for item in sliding if not item.stable]
     growth = [item.worst.growth_rate for item in sliding]
-    return {"warnings": warnings, "growth": growth, "hertz": [item.frequency for item in sliding]}
+    return {
+        "warnings": warnings,
+        "growth": growth,
+        "hertz": [item.worst.frequency for item in sliding],
+    }
 
 
 def check_table(rows: list[dict[str, Any]]) -> str:
@@ -175,7 +178,7 @@ def check_table(rows: list[dict[str, Any]]) -> str:
         "|---|---:|---:|---:|---:|",
     ]
     warned = sum(bool(row["warnings"]) for row in own)
-    for number, factor in enumerate((1.0, FRICTION_RESERVE)):
+    for number, factor in enumerate(FACTORS):
         growth = np.array([row["growth"][number] for row in own])
         hertz = np.array([row["hertz"][number] for row in own])
         cells = f"{growth.min():.3g} ... {np.median(growth):.3g} ... {growth.max():.3g}"

@@ -60,7 +60,7 @@ def test_a_section_that_flutters(monkeypatch: pytest.MonkeyPatch) -> None:
     assert concern.what == "the section can flutter"
     assert "at the panel's friction" in concern.where
     assert f"'{found.worst.movement}'" in concern.where
-    assert f"{found.frequency:.1f} Hz" in concern.number
+    assert f"{found.worst.frequency:.1f} Hz" in concern.number
     assert "chair.damping" in concern.remedy
 
 

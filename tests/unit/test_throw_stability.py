@@ -33,10 +33,7 @@ def test_worst_case_is_the_one_that_grows_fastest() -> None:
     found = FrictionStability(1.0, (case(-3.0), case(2.0, share=0.7), case(1.0)), 600.0)
     assert not found.stable
     assert found.worst.share == 0.7
-    assert found.frequency == 120.0
-    assert found.damping_ratio == pytest.approx(-2.0 / 750.0)
-    assert "flutter at 120.0 Hz" in str(found)
-    assert "70 % of the movement 'return'" in str(found)
+    assert "70 % of movement 'return': 120.0 Hz, damping -0.27 % of critical" in str(found)
 
 
 def test_a_stable_panel_is_said_to_be_so() -> None:
@@ -46,7 +43,7 @@ def test_a_stable_panel_is_said_to_be_so() -> None:
 
 
 def test_growth_without_swing_is_called_divergence() -> None:
-    assert "divergence" in str(FrictionStability(1.0, (case(1.0, frequency=0.0),), 600.0))
+    assert "run away" in str(FrictionStability(1.0, (case(1.0, frequency=0.0),), 600.0))
 
 
 def test_a_place_without_steady_sliding_is_not_called_stable() -> None:

@@ -1,6 +1,6 @@
 """The commands `turnout panel ...`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import xarray as xr
 
+    from turnout.metric.stability import FrictionStability
     from turnout.panel.load import LoadedPanel
 
 app = typer.Typer(
@@ -200,7 +201,6 @@ def panel_schema_command(output: Output) -> None:
 HEADING = (
     f"{'':>4}{'Hz':>9}{'damping':>10}{'lateral':>9}{'vertical':>9}{'torsion':>9}   largest motion"
 )
-FACTORS = (1.0, 1.25)
 
 
 @app.command("modes", short_help="Show natural frequencies, modes and flutter stability.")
@@ -225,16 +225,19 @@ def modes_command(
     loaded = panel.opened()
     from turnout.figures.modes import plot_modes
     from turnout.metric.modes import modes, reduction_texts
+    from turnout.metric.stability import FACTORS, friction_stability
 
     dataset = modes(loaded, count=count)
+    sliding = FACTORS if loaded.movement and loaded.chair else ()
+    stability = [friction_stability(loaded, friction_factor=factor) for factor in sliding]
     figure = None if output["plot"] is None else plot_modes(dataset, system=system)
-    output.lines(mode_lines(dataset), stability_lines(loaded))
+    output.lines(mode_lines(dataset), stability_lines(stability))
     if reduction and not output.silent:
         texts = reduction_texts(loaded).items()
         output.show(*(f"\nreduction of rail {name}\n{text}" for name, text in texts))
     output.dataset(output["out"], dataset)
     output.figure(output["plot"], lambda: figure)
-    output.json(mode_record, dataset, loaded, units=MODE_UNITS)
+    output.json(mode_record, dataset, stability, units=MODE_UNITS)
 
 
 def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
@@ -260,17 +263,13 @@ def mode_lines(dataset: "xr.Dataset") -> Iterator[str]:
         yield ""
 
 
-def stability_lines(panel: "LoadedPanel") -> Iterator[str]:
+def stability_lines(stability: Sequence["FrictionStability"]) -> Iterator[str]:
     """Yield the stability of steady sliding, at the panel's friction and at 1.25 times it."""
-    from turnout.metric.stability import friction_stability
-
-    if not panel.movement or not panel.chair:
-        return
-    for factor in FACTORS:
-        found = friction_stability(panel, friction_factor=factor)
+    for found in stability:
         yield f"{'stable' if found.stable else 'warning'}: {found}"
-    cutoff = panel.discretisation.superelement_cutoff
-    yield f"flutter near or above the cut-off of {cutoff:g} Hz cannot be seen"
+    if stability:
+        cutoff = stability[0].superelement_cutoff
+        yield f"flutter near or above the cut-off of {cutoff:g} Hz cannot be seen"
 
 
 def section_figure(panel: "LoadedPanel", rail: str) -> Any:
@@ -439,12 +438,8 @@ MODE_UNITS = {"frequency": "Hz", "growth_rate": "1/s", "superelement_cutoff": "H
 MODE_UNITS |= {"largest_x": "m"}
 
 
-def mode_record(dataset: "xr.Dataset", panel: "LoadedPanel") -> dict[str, Any]:
+def mode_record(dataset: "xr.Dataset", stability: Sequence["FrictionStability"]) -> dict[str, Any]:
     """Return frequencies and motions of every mode, and the stability of sliding."""
-    from turnout.metric.stability import friction_stability
-
-    sliding = bool(panel.movement and panel.chair)
-    stability = [friction_stability(panel, friction_factor=item) for item in FACTORS if sliding]
     plain = ("system", "number", "frequency", "damping_ratio", "largest_rail", "largest_x")
     modes = (dataset.isel(mode=at) for at in range(dataset.sizes["mode"]))
     kinds = dataset["motion"].values.tolist()

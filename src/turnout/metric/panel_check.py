@@ -13,7 +13,7 @@ import xarray as xr
 from turnout.mechanism.drive_machines import blind_currents, weak_motors
 from turnout.mechanism.rail_sections import severed_steel
 from turnout.mechanism.rest import resting_slips
-from turnout.metric.stability import FrictionStability, friction_stability
+from turnout.metric.stability import FACTORS, friction_stability
 from turnout.metric.summary import ends_inaccurate
 from turnout.metric.test_piece import PieceLimit
 from turnout.panel.lock_rule import SLIP
@@ -193,8 +193,6 @@ def _idle_chairs(dataset: xr.Dataset) -> list[Concern]:
     return found
 
 
-# A panel should not flutter at this many times its friction either.
-FRICTION_RESERVE = 1.25
 REMEDY = "more chair.damping or less chair.friction_coefficient"
 
 
@@ -430,27 +428,8 @@ def flutter_concerns(panel: Panel, *, cutoff_frequency: float = float("inf")) ->
     """
     if not panel.movement:
         return []
-    for factor in (1.0, FRICTION_RESERVE):
+    for factor in FACTORS:
         found = friction_stability(panel, friction_factor=factor, cutoff_frequency=cutoff_frequency)
-        if not found.stable:
-            return [_flutter_concern(found)]
+        if found.fault is not None:
+            return [Concern(*found.fault, REMEDY)]
     return []
-
-
-def _flutter_concern(found: FrictionStability) -> Concern:
-    worst = found.worst
-    at = "the panel's friction" if found.friction_factor == 1 else (
-        f"{found.friction_factor:g} times the panel's friction"
-    )  # fmt: skip
-    if worst.growth_rate >= 0:
-        what = "the section can flutter" if worst.frequency > 0 else "a rail can run away"
-        where = f"at {at}, {100 * worst.share:.0f} % of movement '{worst.movement}'"
-        number = (
-            f"{worst.frequency:.1f} Hz, damping {100 * worst.damping_ratio:.2f} % of critical, "
-            f"grows with {worst.growth_rate:.2g} 1/s"
-        )
-        return Concern(what, where, number, REMEDY)
-    lost = [case for case in found.cases if not case.settled]
-    where = f"at {at}, {100 * lost[0].share:.0f} % of movement '{lost[0].movement}'"
-    number = f"no steady sliding was found in {len(lost)} of {len(found.cases)} places"
-    return Concern("flutter is not known", where, number, REMEDY)

@@ -19,6 +19,8 @@ from turnout.panel.model import Panel
 from turnout.solver.condense import condense
 from turnout.solver.modal import ModalModel
 
+FACTORS = (1.0, 1.25)
+"""Of the friction, at which a panel should not flutter [-]."""
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 SENSE = {"closed": 1.0, "open": -1.0}
 Worst = tuple[float, float, float]
@@ -85,30 +87,28 @@ class FrictionStability:
         return all(map(_decays, self.cases))
 
     @property
-    def frequency(self) -> float:
-        """Frequency of the worst case [Hz]."""
-        return self.worst.frequency
-
-    @property
-    def damping_ratio(self) -> float:
-        """Damping ratio of the worst case [-]."""
-        return self.worst.damping_ratio
+    def fault(self) -> tuple[str, str, str] | None:
+        """Words for what does not decay, where and how fast; None where all does."""
+        if self.stable:
+            return None
+        case, lost = self.worst, [case for case in self.cases if not case.settled]
+        if case.growth_rate >= 0.0:
+            what = "the section can flutter" if case.frequency else "a rail can run away"
+            number = (
+                f"{case.frequency:.1f} Hz, damping {100 * case.damping_ratio:.2f} % of critical, "
+                f"grows with {case.growth_rate:.2g} 1/s"
+            )
+        else:
+            case, what = lost[0], "flutter is not known"
+            number = f"no steady sliding was found in {len(lost)} of {len(self.cases)} places"
+        times = "" if self.friction_factor == 1.0 else f"{self.friction_factor:g} times "
+        where = f"at {times}the panel's friction, {100 * case.share:.0f} % of movement "
+        return what, f"{where}'{case.movement}'", number
 
     def __str__(self) -> str:
         """Return the result in one sentence."""
-        at = f"at {self.friction_factor:g} times the friction"
-        worst, lost = self.worst, sum(not case.settled for case in self.cases)
-        text = f"{at} all vibrations decay while the rails slide"
-        if worst.growth_rate >= 0.0:
-            kind = f"flutter at {worst.frequency:.1f} Hz" if worst.frequency else "divergence"
-            text = (
-                f"{at} {kind}: it grows with {worst.growth_rate:.2g} 1/s (damping ratio "
-                f"{100 * worst.damping_ratio:.2g} %) at {100 * worst.share:.0f} % of the movement "
-                f"'{worst.movement}'"
-            )
-        if lost:
-            text += f"; no steady sliding was found in {lost} of {len(self.cases)} places"
-        return text
+        decay = f"at {self.friction_factor:g} times the friction all vibrations decay"
+        return ": ".join(self.fault or (f"{decay} while the rails slide",))
 
 
 def friction_stability(
