@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.kernels.compiled import compiled
-from turnout.kernels.lanes import LANES, broadcast, load, multiply_add, store, turn
+from turnout.kernels.lanes import LANES, broadcast, load, multiply_add, store_nontemporal, turn
 from turnout.kernels.memory import vector_at
 
 Floats = NDArray[np.float64]
@@ -90,7 +90,7 @@ def write_row_sums(
                 c = multiply_add(weight, load(lines, at + 2 * LANES), c)
                 d = multiply_add(weight, load(lines, at + 3 * LANES), d)
             to = row * written + begin
-            store(a, out, to)
-            store(b, out, to + LANES)
-            store(c, out, to + 2 * LANES)
-            store(d, out, to + 3 * LANES)
+            store_nontemporal(a, out, to)
+            store_nontemporal(b, out, to + LANES)
+            store_nontemporal(c, out, to + 2 * LANES)
+            store_nontemporal(d, out, to + 3 * LANES)
