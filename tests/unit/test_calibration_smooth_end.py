@@ -56,7 +56,7 @@ def test_intervals_hold_the_truth_of_a_rough_model() -> None:
 def test_a_plane_has_the_slopes_of_a_smooth_model_and_shares_throws_of_repeats() -> None:
     whole = misfit(alike(2, seed=1))
     whole.effects = {"mu": (0.0, 0.004)}
-    plane, local = whole.smoothed(TRUE, ("k",)), whole.local(TRUE, ("k",))
+    plane, local = whole.smoothed(TRUE, ("k",), {}), whole.local(TRUE, ("k",))
     assert whole.evaluator.made == (1 + 8) + (2 + 2)
     for one, other in zip(plane.simulated, local.simulated, strict=True):
         np.testing.assert_allclose(one.drive_force["1"], other.drive_force["1"], atol=0.05)

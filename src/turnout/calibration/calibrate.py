@@ -31,7 +31,6 @@ from turnout.calibration.fit import (
     Fit,
     brief_fit,
     fit,
-    smooth_end,
 )
 from turnout.calibration.fitted_file import movement_rows
 from turnout.calibration.grid_search import GridSearch, sweep
@@ -492,8 +491,7 @@ class _Run:
             )
             if is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found):
                 return found
-            refined = replace(found, misfit=found.misfit.refined(found.values))
-            return smooth_end(refined, misfit, on_step=on_step)
+            misfit = replace(misfit, base=found.values)
         return fit(misfit, found.parameters, found.values, near=found, on_step=on_step)
 
     def _misfit(

@@ -11,7 +11,7 @@ from turnout.calibration.candidate_causes import Cause
 from turnout.calibration.drive_laws import level_key
 from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit
-from turnout.calibration.misfit import Frame, Misfit, framed, jacobian
+from turnout.calibration.misfit import Frame, Misfit, about_clock, framed, jacobian
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
 from turnout.calibration.shared import effective_samples, model_error
@@ -118,8 +118,9 @@ def cause_trials(
     list of list of (TestedCause, Cause)
         Choices of one or several causes, the likeliest choice first; then what is left.
     """
-    before = _judging(found.misfit)
-    frame = framed(found.local, before)
+    known = about_clock(found.misfit, found.frame)
+    before = _judging(known)
+    frame = framed(found.local, before, passes=1)
     names = [item.name for item in found.parameters]
     J = jacobian(found.local, frame, names)
     r = before.residuals_of(found.local.simulated, frame)
@@ -128,7 +129,7 @@ def cause_trials(
     origin = replace(found.misfit, quick=True).responses([found.values])[0]
     linear, single = [], []
     for cause in causes:
-        misfit = _judging(with_cause(found.misfit, cause))
+        misfit = _judging(with_cause(known, cause))
         if cause.smooth:
             columns = _columns(found, cause, misfit, before, frame, r, origin)
             if columns is not None:
@@ -196,7 +197,7 @@ def _judged(found: Fit, misfit: Misfit, row: Sequence[Response]) -> float:
     """Return minus twice the log-likelihood of responses; infinite where one failed."""
     if any(item.failure for item in row):
         return float("inf")
-    there = framed(replace(found.local, simulated=tuple(row)), misfit)
+    there = framed(replace(found.local, simulated=tuple(row)), misfit, passes=1)
     slopes = jacobian(found.local, there, [item.name for item in found.parameters])
     return _adjusted(misfit.residuals_of(row, there), slopes, there)
 
@@ -383,7 +384,7 @@ def _with_own_levels(found: Fit, misfit: Misfit, drive: str) -> float:
         row = misfit.responses([found.values])[0]
         if any(item.failure for item in row):
             break
-        frame = framed(replace(found.local, simulated=tuple(row)), misfit)
+        frame = framed(replace(found.local, simulated=tuple(row)), misfit, passes=1)
         J = jacobian(found.local, frame, names)
         least = min(least, _adjusted(misfit.residuals_of(row, frame), J, frame))
         estimates = [a.estimates.get(name, (0.0, 0.0))[0] for a in frame.alignments]

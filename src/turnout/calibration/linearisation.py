@@ -16,6 +16,10 @@ from turnout.calibration.parameter import Parameter
 from turnout.core.errors import SolverError
 
 T = TypeVar("T")
+Floats = NDArray[np.float64]
+Plane = tuple[Response, dict[str, Response]]
+Thrown = list[tuple[Mapping[str, float], Response]]
+"""Values of a movement of its own, and the response to them."""
 # Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
 # throws and of parameters with priors, and of those near the end, where slips begin nearby.
 DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
@@ -27,8 +31,9 @@ SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
 OBJECT_DIFFERENCE = 0.05
 # Slopes with thickness and place of an object change so much less over a coordinate [-].
 SLOWER = 0.2
-# Pairs of throws on opposite sides, for a plane of few parameters.
-FEWEST_PAIRS = 4
+# Pairs of throws on opposite sides for a plane of few parameters, and for one near by; so many
+# parameters are thrown to both sides; throws within so many reaches make a plane together.
+FEWEST_PAIRS, MIRRORED, NEAR_REACHES = 4, 8, 3.0
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
@@ -161,16 +166,44 @@ def reach_of(parameter: Parameter) -> float:
     return DIFFERENCE if parameter.prior and not is_of_object(parameter) else FINE_DIFFERENCE
 
 
+def apart_in_reaches(
+    one: Mapping[str, float], other: Mapping[str, float], parameters: Sequence[Parameter]
+) -> Floats:
+    """Return how far values are from others, in reaches of each parameter, shape (p,)."""
+    return np.array(
+        [
+            (p.coordinate(one[p.name]) - p.coordinate(other[p.name])) / reach_of(p)
+            for p in parameters
+        ],
+        dtype=np.float64,
+    )
+
+
 def points_about(
-    values: Mapping[str, float], parameters: Sequence[Parameter]
+    values: Mapping[str, float], parameters: Sequence[Parameter], *, turn: int | None = None
 ) -> list[dict[str, float]]:
-    """Return values on all sides of others, and at several distances, as `mirrored_signs` has them.
+    """Return values on all sides of others, at several distances, in which all parameters differ.
 
     What is rough over a part of the distance then differs from throw to throw.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        In the middle.
+    parameters : sequence of Parameter
+        The p that differ.
+    turn : int, optional
+        For a few points alone, others with each turn; default enough for a plane.
     """
-    signs = mirrored_signs(len(parameters))
-    pairs = len(signs) // 2
-    far = np.tile(0.5 + (np.arange(pairs) + 0.5) / pairs, 2)
+    count = len(parameters)
+    half = orthogonal_signs(count)
+    far = 0.5 + (np.arange(len(half)) + 0.5) / len(half)
+    rows = half[:, :count] if count <= MIRRORED else half[:, 1 : count + 1]
+    rows = rows * far[:, None]
+    if turn is not None:
+        rows = rows[(FEWEST_PAIRS * turn + np.arange(FEWEST_PAIRS)) % len(rows)]
+    if turn is not None or count <= MIRRORED:
+        rows = np.vstack([rows, -rows])
     return [
         {
             **values,
@@ -179,41 +212,26 @@ def points_about(
                 for p, side in zip(parameters, row, strict=True)
             },
         }
-        for row in signs * far[:, None]
+        for row in rows
     ]
 
 
-def plane_of(
-    values: Mapping[str, float],
-    parameters: Sequence[Parameter],
-    points: Sequence[Mapping[str, float]],
-    responses: Sequence[Response],
-) -> tuple[Response, dict[str, Response]]:
-    """Return the plane nearest to responses: at values, and one reach aside for each parameter.
+def plane_of(steps: Floats, names: Sequence[str], responses: Sequence[Response]) -> Plane:
+    """Return the plane nearest to responses: in the middle, and one reach aside by name.
 
     Parameters
     ----------
-    values : mapping of str to float
-        In the middle.
-    parameters : sequence of Parameter
-        Those that differ.
-    points : sequence of mapping of str to float
-        From `points_about`.
+    steps : ndarray, shape (n, p)
+        How far from the middle each was thrown, in reaches.
+    names : sequence of str
+        Of the p parameters.
     responses : sequence of Response
-        In the middle, then at the points.
+        On the same times.
     """
-    steps = [
-        [
-            (p.coordinate(point[p.name]) - p.coordinate(values[p.name])) / reach_of(p)
-            for p in parameters
-        ]
-        for point in (values, *points)
-    ]
-    rows = np.array(steps, dtype=np.float64).reshape(len(responses), len(parameters))
-    weights = np.linalg.pinv(np.column_stack([np.ones(len(responses)), rows]))
+    weights = np.linalg.pinv(np.column_stack([np.ones(len(steps)), steps]))
     return combined(responses, weights[0]), {
-        p.name: combined(responses, weights[0] + row)
-        for p, row in zip(parameters, weights[1:], strict=True)
+        name: combined(responses, weights[0] + row)
+        for name, row in zip(names, weights[1:], strict=True)
     }
 
 
@@ -229,27 +247,24 @@ def combined(responses: Sequence[Response], weights: NDArray[np.float64]) -> Res
     )
 
 
-def mirrored_signs(count: int) -> NDArray[np.float64]:
-    """Return sides on which so many parameters are thrown together, shape (n, count).
+def orthogonal_signs(count: int) -> Floats:
+    """Return signs in orthogonal columns, at least so many; one more beyond `MIRRORED`.
 
-    Columns are orthogonal, and each row has its mirror image, so that no slope is taken for that of
-    another parameter, nor for its change with a third (Plackett and Burman 1946, doi
-    10.1093/biomet/33.4.305).
+    With the mirror image of each row no slope is taken for that of another parameter, nor for its
+    change with a third (Plackett and Burman 1946, doi 10.1093/biomet/33.4.305).
 
     Examples
     --------
-    >>> mirrored_signs(3).shape, mirrored_signs(9).shape
-    ((8, 3), (24, 9))
-    >>> sides = mirrored_signs(11)
-    >>> bool((sides.T @ sides == 24.0 * np.eye(11)).all() and (sides[:12] == -sides[12:]).all())
+    >>> [orthogonal_signs(count).shape for count in (2, 8, 9, 12)]
+    [(4, 4), (8, 8), (12, 12), (16, 16)]
+    >>> bool((orthogonal_signs(9).T @ orthogonal_signs(9) == 12.0 * np.eye(12)).all())
     True
     """
-    if 8 < count <= 12:
+    if MIRRORED < count < 12:
         rows = circulant([1, -1, 1, 1, -1, 1, 1, 1, -1, -1, -1])
-        half = np.column_stack([np.ones(12), np.vstack([rows, -np.ones(11)])])
-    else:
-        half = hadamard(max(FEWEST_PAIRS, 1 << max(count - 1, 0).bit_length()))
-    return np.asarray(np.vstack([half, -half])[:, :count], dtype=np.float64)
+        return np.column_stack([np.ones(12), np.vstack([rows, -np.ones(11)])])
+    columns = max(FEWEST_PAIRS, count + (count > MIRRORED))
+    return np.asarray(hadamard(1 << (columns - 1).bit_length()), dtype=np.float64)
 
 
 def leaders_of(

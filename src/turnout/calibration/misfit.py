@@ -11,8 +11,11 @@ from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, with_
 from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
+    NEAR_REACHES,
     SAME_SLOPE,
     Linearisation,
+    Thrown,
+    apart_in_reaches,
     difference_of,
     leaders_of,
     moved_aside,
@@ -280,13 +283,25 @@ class Misfit:
             quick=self.quick,
         )
 
-    def smoothed(self, values: Mapping[str, float], vary: Sequence[str]) -> Linearisation:
+    def smoothed(
+        self, values: Mapping[str, float], vary: Sequence[str], thrown: dict[int, Thrown]
+    ) -> Linearisation:
         """Simulate on all sides of values, and return the plane nearest to the responses.
 
         Responses are rough: chairs stick and slide, and drives slip, at other instants for values
         that differ by a thousandth. One throw, and a slope from two, are off by as much as the
         cost decides on near its end; a mean over throws on all sides is not. Repeats that are
         thrown at nearly the same values share theirs.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            In the middle.
+        vary : sequence of str
+            Names of the parameters that are stepped, beside those that scatter.
+        thrown : dict of int to list
+            By movement what was thrown for planes before, which those near by are part of; what is
+            thrown now is added.
 
         Raises
         ------
@@ -302,18 +317,23 @@ class Misfit:
         own = [self._inputs_of(whole, n) for n in range(len(self.movements))]
         leaders = leaders_of(self.movements, stepped, own, within=0.5 * self.same_slope)
         numbers = sorted(set(leaders))
-        here = self._shaped_throws([(n, whole) for n in numbers])
-        acting = [
-            [p for p in stepped if self._acts(p, n, whole, response)]
-            for n, response in zip(numbers, here, strict=True)
-        ]
-        points = [points_about(whole, some) for some in acting]
-        pairs = zip(numbers, points, strict=True)
-        thrown = iter(self._shaped_throws([(n, point) for n, row in pairs for point in row]))
-        planes = {
-            n: plane_of(whole, some, row, [response, *(next(thrown) for _ in row)])
-            for n, some, row, response in zip(numbers, acting, points, here, strict=True)
+        self._throw_into(thrown, [(n, whole) for n in numbers if not thrown.get(n)])
+        acting = {
+            n: [p for p in stepped if self._acts(p, n, whole, thrown[n][-1][1])] for n in numbers
         }
+        self._throw_into(
+            thrown,
+            [
+                (n, point)
+                for n in numbers
+                for enough in [len(_near(thrown[n], own[n], acting[n])[0]) > len(acting[n]) + 1]
+                for point in points_about(whole, acting[n], turn=len(thrown[n]) if enough else None)
+            ],
+        )
+        planes = {}
+        for n in numbers:
+            steps, responses = _near(thrown[n], own[n], acting[n])
+            planes[n] = plane_of(steps, [p.name for p in acting[n]], responses)
         found = Linearisation(
             values=whole,
             simulated=tuple(planes[n][0] for n in leaders),
@@ -347,10 +367,14 @@ class Misfit:
             ]
         )
 
-    def _shaped_throws(self, jobs: Sequence[tuple[int, Mapping[str, float]]]) -> list[Response]:
-        """Return the responses to movements at values; SolverError where one failed."""
+    def _throw_into(
+        self, thrown: dict[int, Thrown], jobs: Sequence[tuple[int, Mapping[str, float]]]
+    ) -> None:
+        """Throw movements at values, and add the responses; SolverError where one failed."""
         made = self.evaluator.responses([self._throw(n, values) for n, values in jobs])
-        return [self._shaped(n, item, values) for (n, values), item in zip(jobs, made, strict=True)]
+        for (n, values), item in zip(jobs, made, strict=True):
+            response = self._shaped(n, item, values)
+            thrown.setdefault(n, []).append((self._inputs_of(values, n), response))
 
     def local_near(
         self, values: Mapping[str, float], vary: Sequence[str], previous: Linearisation
@@ -427,6 +451,16 @@ class Misfit:
         return self._kept(number, response, values)
 
 
+def _near(
+    thrown: Thrown, middle: Mapping[str, float], parameters: Sequence[Parameter]
+) -> tuple[Floats, list[Response]]:
+    """Return those of some throws that are near values: their distances, and their responses."""
+    apart = [apart_in_reaches(inputs, middle, parameters) for inputs, _ in thrown]
+    near = [n for n, row in enumerate(apart) if np.abs(row).max(initial=0.0) <= NEAR_REACHES]
+    steps = np.array([apart[n] for n in near], dtype=np.float64).reshape(-1, len(parameters))
+    return steps, [thrown[n][1] for n in near]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
     """Alignments of all movements, made about one point.
@@ -450,15 +484,24 @@ class Frame:
         return rows if self.shared is None else self.shared.whitened(rows)
 
 
-def framed(local: Linearisation, misfit: Misfit) -> Frame:
-    """Align all movements about a point, with the recorder's clock where they show it."""
-    for _ in range(CLOCK_PASSES):
+def framed(local: Linearisation, misfit: Misfit, *, passes: int = CLOCK_PASSES) -> Frame:
+    """Align all movements about a point, with the recorder's clock where they show it.
+
+    With one pass the clock stays where the misfit has it, and counts to first order about that.
+    """
+    for _ in range(passes):
         frame = _framed(local, misfit)
         rate, known = _clock_of(local, frame), misfit.comparison.rate
         if rate is None or abs(rate - known) < SAME_CLOCK:
             break
         misfit = replace(misfit, comparison=replace(misfit.comparison, rate=rate))
     return frame
+
+
+def about_clock(misfit: Misfit, frame: Frame) -> Misfit:
+    """Return a misfit whose clock is linearised where a frame found it."""
+    rate = frame.alignments[0].rate if frame.alignments else 0.0
+    return replace(misfit, comparison=replace(misfit.comparison, rate=rate))
 
 
 def _clock_of(local: Linearisation, frame: Frame) -> float | None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.linearisation import Linearisation
-from turnout.calibration.misfit import Frame, Misfit, framed, slopes_of
+from turnout.calibration.misfit import Frame, Misfit, about_clock, framed, slopes_of
 
 Floats = NDArray[np.float64]
 # How far an estimated effect may be from the simulated one, how often it is simulated again where
@@ -25,6 +25,7 @@ def update_movement_effects(
     """
     frame = framed(local, misfit)
     for _ in range(passes):
+        misfit = about_clock(misfit, frame)
         found = _clipped(misfit, [alignment.estimates for alignment in frame.alignments])
         effects = _where_further(misfit, found)
         if effects == misfit.effects:
@@ -32,7 +33,7 @@ def update_movement_effects(
         misfit = replace(misfit, effects=effects)
         local = replace(local, simulated=tuple(misfit.responses([local.values])[0]))
         frame = framed(local, misfit)
-    before = local.stepped
+    misfit, before = about_clock(misfit, frame), local.stepped
     local = misfit.local_near(local.values, names, local)
     return misfit, local, frame if local.stepped is before else framed(local, misfit)
 
