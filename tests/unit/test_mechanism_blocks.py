@@ -43,7 +43,7 @@ def test_a_link_that_the_linear_system_holds_makes_one_block_of_two_rails(
 
 
 def test_rows_that_may_be_written_to_are_looked_at_each_time(mechanism: Mechanism) -> None:
-    own = replace(mechanism, rows=mechanism.rows.copy())
+    own = replace(mechanism, core=mechanism.core.copy())
     before = split_blocks(own, own.laws)
     as_shared = split_blocks(mechanism, mechanism.laws)
     assert [b.rows.tolist() for b in before] == [b.rows.tolist() for b in as_shared]

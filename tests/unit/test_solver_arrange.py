@@ -63,7 +63,7 @@ def test_a_stiffness_that_the_modes_hold_is_condensed_again(law: str) -> None:
 
 def test_rows_that_could_be_written_to_are_never_remembered() -> None:
     own = mechanism()
-    own = replace(own, rows=own.rows.copy())
+    own = replace(own, core=own.core.copy())
     assert arrange(own, QUICK).system is not arrange(own, QUICK).system
 
 

@@ -89,7 +89,7 @@ def joined(
             damping=block_diag(*(rail.damping for rail in rails)),
             load=weight if load is None else weight + load,
         ),
-        rows=matrix,
+        core=matrix,
         laws=table,
         law_names=tuple(f"law {i}" for i in range(table.row.size)),
         friction_names=tuple(f"foot {i}" for i in range(table.friction_row.size)),

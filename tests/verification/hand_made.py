@@ -38,7 +38,7 @@ def hand_made(
             damping=np.zeros((n, n)) if damping is None else damping,
             load=np.zeros(n) if load is None else np.asarray(load, dtype=float),
         ),
-        rows=np.eye(n) if rows is None else np.asarray(rows, dtype=float),
+        core=np.eye(n) if rows is None else np.asarray(rows, dtype=float),
         laws=table,
         law_names=tuple(f"law {i}" for i in range(table.row.size)),
         friction_names=tuple(f"foot {i}" for i in range(table.friction_row.size)),

@@ -84,7 +84,7 @@ def random_run(seed: int) -> tuple[Mechanism, History]:
     table = random_laws(rng, n_rows)
     mechanism = Mechanism(
         matrices=mechanism.matrices,
-        rows=mechanism.rows,
+        core=mechanism.rows,
         laws=table,
         law_names=tuple(str(law) for law in range(table.row.size)),
         friction_names=tuple(str(foot) for foot in range(table.friction_row.size)),

@@ -96,7 +96,8 @@ def build_mechanism(
     laws, courses = friction_courses(panel, laws, layout.index, linear.travel)
     return Mechanism(
         matrices=linear.matrices,
-        rows=placed.rows,
+        core=linear.rows,
+        object_rows=placed.rows,
         laws=laws,
         law_names=layout.law_names,
         friction_names=layout.friction_names,
@@ -106,7 +107,6 @@ def build_mechanism(
         machines=drive_machines(panel, layout.index),
         obstructions=obstructions_of(layout.index, objects),
         courses=courses,
-        core=linear.rows,
         nominal=linear.nominal,
     )
 
@@ -141,7 +141,7 @@ def build_loaded(
     names = tuple(f"load at x = {point.x:g} m of rail {rail}" for rail, point in loads)
     return Mechanism(
         matrices=linear.matrices,
-        rows=linear.rows,
+        core=linear.rows,
         laws=laws,
         law_names=(*layout.law_names, *names),
         friction_names=layout.friction_names,
@@ -271,14 +271,14 @@ class Yield:
 class _Placed:
     """Rails with the rows of objects.
 
-    `rows` begin with those of `linear`, which has the rows of objects that are nodes of its rails;
+    `rows` come after those of `linear`, which has those of objects that are nodes of its rails;
     `nodes` are these objects if the rails have no others. `yields` is what each rail yields to each
     object beyond its reduced coordinates.
     """
 
     linear: _Linear
     layout: LawLayout
-    rows: Floats
+    rows: Floats | None
     yields: tuple[Mapping[str, Yield], ...]
     nodes: tuple[PlacedObject, ...] = ()
 
@@ -422,7 +422,7 @@ def _nominal_mechanism(
         linear, layout = base.linear, base.frame.layout
         found = Mechanism(
             matrices=linear.matrices,
-            rows=linear.rows,
+            core=linear.rows,
             laws=law_table(layout, nominal, objects, travel=linear.travel),
             rails=linear.rails,
         )
@@ -440,7 +440,7 @@ def _placed(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel 
     """Put objects on the rails, those between the nodes last, or find them in the same places."""
     bare = _kept(panel, (), nominal)
     if not objects:
-        return _Placed(bare.linear, bare.frame.layout, bare.linear.rows, ())
+        return _Placed(bare.linear, bare.frame.layout, None, ())
     base = bare.base or bare
     places = tuple(
         [(item.name, item.rail, item.x, item.height, item.face_slope) for item in objects]
@@ -470,10 +470,10 @@ def _put_objects(
         kept, added, rows, nodes = kept.base or kept, between, [], standing
     linear, layout = kept.linear, kept.frame.layout
     if not added:
-        return _Placed(linear, layout, linear.rows, ({},) * len(standing), tuple(nodes))
+        return _Placed(linear, layout, None, ({},) * len(standing), tuple(nodes))
     rows += [approach_row(panel, item, linear.rails) for item in between]
     yields = [_yields(panel, item, kept, varied=nominal is not None) for item in between]
-    stacked = np.vstack((linear.rows, *rows))
+    stacked = np.array(rows)
     stacked.flags.writeable = False
     layout = layout.with_objects([item.name for item in added])
     return _Placed(linear, layout, stacked, (*({} for _ in standing), *yields), tuple(nodes))

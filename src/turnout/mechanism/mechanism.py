@@ -132,8 +132,9 @@ class Mechanism:
     ----------
     matrices : Matrices or JoinedRails
         Of the bodies; `stiffness`, `mass`, `damping` and `load` are its.
-    rows : ndarray, shape (n_rows, n)
-        Generalised displacement of each row.
+    core : ndarray, shape (n, n_coordinates)
+        Generalised displacement of each row but those of foreign objects, shared by mechanisms
+        whose objects stand elsewhere.
     laws : LawTable
         All laws, addressing rows by index.
     law_names, friction_names : tuple of str
@@ -146,9 +147,8 @@ class Mechanism:
         How far each switch rail moves between closed and open.
     machines : DriveMachines, optional
         Machines that move the inputs of drives without markers.
-    core : ndarray, optional
-        The rows without those of foreign objects, which come last, shared by mechanisms whose
-        objects stand elsewhere; their laws come last too.
+    object_rows : ndarray, optional
+        Rows of foreign objects, which come last, as their laws do.
     obstructions : Obstructions
         Laws that remember what was done to them.
     courses : FrictionCourses
@@ -158,7 +158,7 @@ class Mechanism:
     """
 
     matrices: Matrices | JoinedRails
-    rows: Floats
+    core: Floats
     laws: LawTable
     law_names: tuple[str, ...] = ()
     friction_names: tuple[str, ...] = ()
@@ -168,8 +168,18 @@ class Mechanism:
     machines: "DriveMachines | None" = None
     obstructions: Obstructions = field(default_factory=no_obstructions)
     courses: FrictionCourses = field(default_factory=no_courses)
-    core: Floats | None = None
+    object_rows: Floats | None = None
     nominal: "Mechanism | None" = None
+
+    @property
+    def rows(self) -> Floats:
+        """All rows, put together when they are asked for."""
+        return self.core if self.object_rows is None else np.vstack((self.core, self.object_rows))
+
+    @property
+    def n_rows(self) -> int:
+        """Number of all rows."""
+        return len(self.core) + (0 if self.object_rows is None else len(self.object_rows))
 
     @property
     def stiffness(self) -> Floats:

@@ -53,7 +53,7 @@ def one_mass_mechanism(machine: Machine, rail: OneMassRail, throw: Throw) -> Mec
             damping=np.array([[rail.damping]]),
             load=np.array([rail.bed_stiffness * rail.bed_rest]),
         ),
-        rows=np.array([[1.0], [0.0]]),
+        core=np.array([[1.0], [0.0]]),
         laws=laws.table(),
         law_names=tuple(names),
         friction_names=("rail",) if rail.friction_force > 0.0 else (),

@@ -82,7 +82,7 @@ class _Rails:
     """Condensed rails without objects; frames by the blocks that each object joins.
 
     The mechanism keeps alive the matrices whose identities are the key of the cache; `placed` are
-    the arrangements by the identity of their rows.
+    the arrangements by the rows of objects.
     """
 
     mechanism: Mechanism
@@ -133,10 +133,12 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     check_normals(mechanism.laws)
     structure = _structure(mechanism, scheme)
     rails = _find_rails(mechanism, scheme, structure)
-    found = None if structure is None else rails.placed.get(id(mechanism.rows))
+    added = mechanism.object_rows
+    places = b"" if added is None else added.tobytes()
+    found = None if structure is None else rails.placed.get(places)
     if found is None:
         made = _arranged(mechanism, rails, structure)
-        return made if structure is None else rails.placed.put(id(mechanism.rows), made)
+        return made if structure is None else rails.placed.put(places, made)
     laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
     placed = {name: getattr(found.table, name) for name in PLACED}
     table = record_like(found.table, laws._replace(**placed))
@@ -154,7 +156,7 @@ def clear_memory() -> None:
 
 def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
     """Return what condensed rails depend on, but for their rows; None for what may be written."""
-    if not mechanism.reduced or mechanism.rows.flags.writeable:
+    if not mechanism.reduced or mechanism.core.flags.writeable:
         return None
     laws = mechanism.laws
     indices = _indices_of(laws)
@@ -188,7 +190,7 @@ def _indices_of(laws: LawTable) -> _Indices:
 
 def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | None) -> _Rails:
     """Condense the rails without objects, or find them."""
-    key = (id(mechanism.rows if mechanism.core is None else mechanism.core), structure)
+    key = (id(mechanism.core), structure)
     rails = None if structure is None else _rails_cache.get(key)
     if rails is None:
         rails = _condense_rails(_without_objects(mechanism), scheme)
@@ -199,8 +201,8 @@ def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | No
 
 def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None) -> Arrangement:
     """Put the objects in their places."""
-    first = mechanism.rows.shape[0] if mechanism.core is None else mechanism.core.shape[0]
-    parts, joined = _with_objects(rails.parts, mechanism.rows, first=first)
+    first, n_coordinates = mechanism.core.shape
+    parts, joined = _with_objects(rails.parts, mechanism.object_rows, first=first)
     further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
     laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
     frame = rails.frames.get(joined)
@@ -211,8 +213,7 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
         rails.frames[joined] = frame = Frame(system, layout.places, layout.templates)
     else:
         system = refill_system(frame.system, parts, laws, frame.places)
-    n_rows, n_coordinates = mechanism.rows.shape
-    row_stiffness = sum_at_rows(laws, folded_stiffness(laws), n_rows)
+    row_stiffness = sum_at_rows(laws, folded_stiffness(laws), mechanism.n_rows)
     row_stiffness.flags.writeable = False  # throws share it
     condensed = CondensedRails(
         parts,
@@ -269,26 +270,31 @@ def _condense_rails(mechanism: Mechanism, scheme: Scheme) -> _Rails:
 
 def _without_objects(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism without the objects whose rows were added to the others."""
-    core, laws = mechanism.core, mechanism.laws
-    if core is None:
+    laws = mechanism.laws
+    if mechanism.object_rows is None:
         return mechanism
-    count = int(np.count_nonzero(laws.row < core.shape[0]))
+    count = int(np.count_nonzero(laws.row < mechanism.core.shape[0]))
     trimmed = laws._replace(
         row=laws.row[:count],
         input_index=laws.input_index[:count],
         base_segment=laws.base_segment[:count],
         segment_start=laws.segment_start[: count + 1],
     )
-    return replace(mechanism, rows=core, laws=trimmed, core=None)
+    return replace(mechanism, laws=trimmed, object_rows=None)
 
 
 def _with_objects(
-    parts: tuple[BlockModel, ...], rows: Floats, *, first: int
+    parts: tuple[BlockModel, ...], rows: Floats | None, *, first: int
 ) -> tuple[tuple[BlockModel, ...], Hashable]:
-    """Add the rows from the `first` on to the blocks they reach into; return which these are."""
+    """Add the rows of objects, numbered from `first` on, to the blocks they reach into.
+
+    Returns also which these are.
+    """
+    if rows is None:
+        return parts, ()
     found, joined = [], []
     for part in parts:
-        own = rows[first:, part.block.coordinates]
+        own = rows[:, part.block.coordinates]
         reaching = np.flatnonzero(own.any(axis=1))
         added = part.with_ends(first + reaching, own[reaching]) if reaching.size else part
         found.append(added)

@@ -121,7 +121,7 @@ def choose_grid(
     last = (n_out - 1) * scheme.output_interval
     share = last / scheme.step
     n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
-    a_row = 8 * (mechanism.rows.shape[0] + mechanism.laws.row.size + mechanism.rows.shape[1])
+    a_row = 8 * (mechanism.n_rows + mechanism.laws.row.size + mechanism.core.shape[1])
     most = max(n_steps // stride + 1, n_out)
     if most * a_row > MOST_MEMORY:
         msg = (

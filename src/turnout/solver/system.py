@@ -339,9 +339,11 @@ def check_normals(table: LawTable) -> None:
 
 def _stack_padded(blocks: Sequence[Floats]) -> Floats:
     """Stack matrices, each padded with zeros on the right."""
-    widest = max(block.shape[1] for block in blocks)
-    padded = [np.pad(block, ((0, 0), (0, widest - block.shape[1]))) for block in blocks]
-    return np.ascontiguousarray(np.concatenate(padded))
+    ends = np.cumsum([0, *(block.shape[0] for block in blocks)]).tolist()
+    found = np.zeros((ends[-1], max(block.shape[1] for block in blocks)))
+    for block, first, last in zip(blocks, ends[:-1], ends[1:], strict=True):
+        found[first:last, : block.shape[1]] = block
+    return found
 
 
 def _invert(targets: Ints, count: int) -> list[list[int]]:

@@ -227,7 +227,7 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
     """Return the argument of `Watch` for the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
-    named = [mechanism.shapes, mechanism.rows, panel.rail, panel.stock_rail]
+    named = [mechanism.shapes, mechanism.core, panel.rail, panel.stock_rail]
     at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
 
     def seen(condensed: CondensedRails) -> SeenRows:

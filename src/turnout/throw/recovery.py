@@ -55,8 +55,8 @@ class CondensedShapes:
         Way of each switch rail from closed to open.
     condensed : CondensedRails
         With modes and static shapes of the whole mechanism.
-    rows : ndarray, shape (n_rows, n_coordinates)
-        Of the mechanism.
+    rows : ndarray, shape (n, n_coordinates)
+        Of the mechanism, without those of objects.
     """
 
     rails: dict[str, RailBody]
@@ -86,7 +86,7 @@ class Motion(CondensedShapes):
 def condensed_shapes(mechanism: Mechanism, condensed: CondensedRails) -> CondensedShapes:
     """Collect the inputs of the recovery of shapes before a run."""
     rails = {body.name: body for body in mechanism.rails}
-    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.rows)
+    return CondensedShapes(rails, mechanism.shapes, condensed, mechanism.core)
 
 
 def recover_motion(mechanism: Mechanism, history: History) -> Motion:
@@ -161,8 +161,9 @@ class RowTerms:
         For unit forces of the laws, above the modes.
     load : ndarray, shape (n_rows,)
         Under the constant load, above the modes.
-    stored : ndarray, shape (n_rows, n_law_rows), optional
-        For unit stored displacements of the laws' rows; what these give is in no other attribute.
+    stored : ndarray, shape (n_rows, n), optional
+        For unit stored displacements of the laws' rows but those of objects; what these give is in
+        no other attribute.
     """
 
     modes: Floats
@@ -188,7 +189,7 @@ def row_terms(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True
     """
     blocks = motion.condensed.parts
     core = tuple(part.before or part for part in blocks)
-    n_rows = motion.rows.shape[0]
+    n_rows = motion.condensed.row_stiffness.size
     of_parts = ((body.first, id(rows)) for body, rows in parts)
     key = (n_rows, with_stored, *map(id, core), *of_parts)
     kept = _terms.get(key)
@@ -275,7 +276,7 @@ def output_rows(
     laws = motion.history.laws
     displaced = terms.shapes * motion.slope
     if terms.stored is not None:
-        displaced += terms.stored
+        displaced[:, : terms.stored.shape[1]] += terms.stored
     weights = {
         "q": sign * terms.modes,
         "g": sign * displaced,
