@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,9 @@ def command_line(
     if chosen.command == "report":
         report(read_records(chosen.folder))
         return
+    spec = sys.modules[job.__module__].__spec__
+    if spec is not None and spec.name != job.__module__:  # run by -m: workers load it by its name
+        job = getattr(import_module(spec.name), job.__name__)
     try:
         run_numbered(job, chosen.count, folder=chosen.out, workers=chosen.workers)
     except KeyboardInterrupt:

@@ -45,6 +45,8 @@ NAMES = {
     "MachineThrow": "turnout.throw.machine",
     "machine_dataset": "turnout.throw.machine",
     "fit_machines": "turnout.api.machine",
+    "fit_three_phase": "turnout.api.machine",
+    "ThreePhaseFit": "turnout.calibration.machine_estimates.three_phase",
     "Monitoring": "turnout.measurement.chain.monitoring",
     "monitored": "turnout.measurement.chain.monitoring",
     "MachineFit": "turnout.calibration.machine_estimates.machine_fit",

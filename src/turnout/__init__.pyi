@@ -9,6 +9,7 @@ from turnout.api.campaign import Campaign as Campaign
 from turnout.api.campaign import build_campaign as build_campaign
 from turnout.api.campaign import load_campaign as load_campaign
 from turnout.api.machine import fit_machines as fit_machines
+from turnout.api.machine import fit_three_phase as fit_three_phase
 from turnout.api.recording import import_recording as import_recording
 from turnout.api.sweep import Sweep as Sweep
 from turnout.api.sweep import open_sweep as open_sweep
@@ -20,6 +21,7 @@ from turnout.beam.section_analysis import analyse_outline as analyse_outline
 from turnout.calibration.case import load_panel_or_case as load_panel
 from turnout.calibration.load_study import load_study as load_study
 from turnout.calibration.machine_estimates.machine_fit import MachineFit as MachineFit
+from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit as ThreePhaseFit
 from turnout.core.errors import FileError as FileError
 from turnout.core.errors import MachineError as MachineError
 from turnout.core.errors import MeasurementError as MeasurementError
@@ -90,6 +92,7 @@ __all__ = [
     "StudyError",
     "Sweep",
     "TestThrows",
+    "ThreePhaseFit",
     "TurnoutError",
     "Validation",
     "__version__",
@@ -103,6 +106,7 @@ __all__ = [
     "figures",
     "filtered",
     "fit_machines",
+    "fit_three_phase",
     "friction_stability",
     "gauge_under_wheel",
     "import_recording",

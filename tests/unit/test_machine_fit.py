@@ -408,3 +408,26 @@ def test_the_command_with_a_sister_of_a_series_motor(tmp_path: Path) -> None:
     assert anchor["kind"] == "sister machine"
     assert anchor["series"] == [4000.0, 3.0]
     assert anchor["slope"] == pytest.approx(3.05e-4, rel=0.02)
+
+
+def test_a_folder_of_clamps_alone(tmp_path: Path) -> None:
+    """Currents of a DC machine without any force: an anchor makes newtons of them."""
+    from tests.faults.terminal import run_here
+
+    lines = ["file,direction,size [mm],place"]
+    currents = campaign(forces=False)["drive_current"].isel(drive=0)
+    for number, current in enumerate(currents.values):
+        table = np.stack([currents["time"].values + 1.0, current], axis=1)
+        head = "time [s],I [A]"
+        name = f"{number}.csv"
+        np.savetxt(tmp_path / name, table, delimiter=",", header=head, comments="", fmt="%.4f")
+        lines.append(f"{name},closing,0,none")
+    (tmp_path / "runs.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    channels = '[drive_current.1]\ncolumn = "I"\nkind = "scaled"\n'
+    (tmp_path / "channels.toml").write_text(channels, encoding="utf-8")
+    given = ("--idle", "1=0.8 A", "--clutch-force", "1=6.0 kN +- 0.2 kN")
+    code, errors = run_here("machine", "fit", ".", *given, folder=tmp_path)
+    assert code == 0, errors
+    anchor = printed("machine", "fit", tmp_path, *given)["drives"][0]["anchor"]
+    assert anchor["kind"] == "clutch-force gauge"
+    assert anchor["slope"] == pytest.approx(SLOPE, rel=0.02)

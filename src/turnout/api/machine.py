@@ -1,7 +1,7 @@
 """Point machines identified from the currents of a campaign."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import xarray as xr
@@ -9,6 +9,8 @@ import xarray as xr
 from turnout.api.campaign import Campaign, dataset_of
 from turnout.calibration.machine_estimates.machine_fit import Gauge, MachineFit, Sister
 from turnout.calibration.machine_estimates.machine_fit import fit_machines as fit_dataset
+from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit
+from turnout.calibration.machine_estimates.three_phase import fit_three_phase as fit_phases
 from turnout.core.errors import MachineError
 
 
@@ -77,3 +79,48 @@ def _sister(drive: str, given: tuple[float, ...]) -> Sister:
         text = f"drive {drive}: rise, spread and, of series motors, force and idle current"
         raise MachineError([text], source="sister machine")
     return Sister(**dict(zip(("slope", "spread", "reference", "idle"), given, strict=False)))
+
+
+def fit_three_phase(
+    campaign: Campaign | xr.Dataset,
+    *,
+    rated_voltage: float,
+    to_neutral: bool = False,
+    free: Sequence[str] = (),
+) -> tuple[ThreePhaseFit, ...]:
+    """Identify three-phase machines from voltage, current and power of the throws of a campaign.
+
+    Slopes of the current with voltage and power, sum of line and stator resistance, saturation and,
+    with the rod off, iron and mechanical loss, all as the recorder sees them, with 95 % intervals.
+    What cannot be told is a `NotIdentified` with its reason.
+
+    Parameters
+    ----------
+    campaign : Campaign or xarray.Dataset
+        At least two of `drive_voltage`, `drive_current` and `drive_power` (movement, drive, time).
+    rated_voltage : float
+        Between lines, rms [V].
+    to_neutral : bool
+        Whether the recorded voltages are those of a phase.
+    free : sequence of str
+        Movements with the rod off.
+
+    Returns
+    -------
+    tuple of ThreePhaseFit
+        By drive.
+
+    Raises
+    ------
+    MeasurementError
+        With too few channels or throws, or where the channels contradict each other.
+
+    Examples
+    --------
+    >>> (fit,) = fit_three_phase(load_campaign("autumn"), rated_voltage=380.0)  # doctest: +SKIP
+    >>> fit.resistance.value  # doctest: +SKIP
+    12.4
+    """
+    return fit_phases(
+        dataset_of(campaign), rated_voltage=rated_voltage, to_neutral=to_neutral, free=free
+    )

@@ -321,6 +321,15 @@ def fit_command(
         "The motors are series motors that saturate at this field current ('3 A'); 'none' "
         "without saturation. Default permanent magnet or separate field.",
     ),
+    three_phase: str | None = option(
+        "--three-phase VOLTAGE",
+        "The motors are three-phase, rated for this voltage between lines ('380 V'): fit voltage, "
+        "current and power of their throws, of which one may be missing.",
+    ),
+    to_neutral: bool = option("--to-neutral", "Recorded voltages are those of a phase."),
+    free: list[str] = option(
+        "--free MOVEMENT", "Movement with the rod off, of three-phase motors. Repeat.", default=[]
+    ),
     idle: list[str] = option(
         "--idle DRIVE=CURRENT",
         "Current with the rod taken off, such as 1='0.8 A'; for the two anchors below.",
@@ -345,12 +354,14 @@ def fit_command(
 
     Idle current and amperes per kN where forces are measured too, slip current where a clutch
     slipped, with 95 % intervals, and whether clutches change over the movements. Forces from
-    currents need an anchor: measured forces, --clutch-force or --sister.
+    currents need an anchor: measured forces, --clutch-force or --sister. Of three-phase motors
+    slopes of the current with voltage and load, line and stator resistance, saturation and losses.
     """
-    from turnout.core.units import CURRENT, CURRENT_PER_FORCE, FORCE
+    from turnout.core.units import CURRENT, CURRENT_PER_FORCE, FORCE, VOLTAGE
 
     problems: list[str] = []
-    saturation = _saturation(series_motor, problems)
+    saturated = None if series_motor is None or series_motor.strip() == "none" else series_motor
+    saturation = _positive(saturated, problems, "--series-motor", CURRENT)
     idles = dict(_pairs("--idle", idle, CURRENT, problems, spread=False))
     gauges = dict(_pairs("--clutch-force", clutch_force, FORCE, problems))
     series = series_motor is not None
@@ -361,11 +372,28 @@ def fit_command(
         problems.append(
             f"drive {name} has an anchor but no --idle {name}='...': the current with the rod off"
         )
+    if three_phase is None and (to_neutral or free):
+        problems.append("--to-neutral and --free are of three-phase motors: give --three-phase")
+    if three_phase is not None and (series or idle or clutch_force or sister):
+        problems.append("--three-phase takes no --series-motor, --idle, --clutch-force or --sister")
+    rated = _positive(three_phase, problems, "--three-phase", VOLTAGE)
     if problems:
         from turnout.core.errors import MachineError
 
         raise MachineError(problems, source="options")
     dataset = opened_campaign(source, None, allow_outside=allow_outside, quiet=output.silent)
+    if three_phase is not None:
+        from turnout.calibration.machine_estimates.three_phase import fit_three_phase
+        from turnout.cli.three_phase import (
+            THREE_PHASE_UNITS,
+            three_phase_lines,
+            three_phase_record,
+        )
+
+        fits = fit_three_phase(dataset, rated_voltage=rated, to_neutral=to_neutral, free=free)
+        output.show(*three_phase_lines(fits))
+        output.json(three_phase_record, fits, units=THREE_PHASE_UNITS)
+        return
     from turnout.calibration.machine_estimates.machine_fit import Gauge, Sister, fit_machines
 
     fit = fit_machines(
@@ -380,17 +408,18 @@ def fit_command(
     output.json(fit_record, fit, units=FIT_UNITS)
 
 
-def _saturation(text: str | None, problems: list[str]) -> float:
-    from turnout.core.units import CURRENT, parse_quantity
+def _positive(text: str | None, problems: list[str], option: str, dimension: "Dimension") -> float:
+    """Return the value of an option, infinity without it; collect its faults."""
+    from turnout.core.units import parse_quantity
 
-    if text is None or text.strip() == "none":
+    if text is None:
         return math.inf
     try:
-        found = parse_quantity(text, CURRENT)
+        found = parse_quantity(text, dimension)
         if found <= 0.0:
-            raise ValueError("must be more than 0 A")  # noqa: EM101, TRY301
+            raise ValueError(f"must be more than 0 {dimension.unit}")  # noqa: EM102, TRY301
     except ValueError as error:
-        problems.append(f"--series-motor '{text}': {error}")
+        problems.append(f"{option} '{text}': {error}")
         return math.inf
     return found
 
@@ -451,6 +480,7 @@ def fit_record(fit: "MachineFit") -> dict[str, Any]:
     """Return the record that `turnout machine fit --json` prints."""
     return {
         "drives": [_drive_record(item) for item in fit.drives],
+        "three_phase": [],
         "not_separated": list(fit.not_separated),
     }
 

@@ -328,10 +328,17 @@ def _column(recording: Recording, name: str) -> RecordedChannel | None:
     return recording.channels.get(name) or recording.channels.get(re.sub(r"\W", "_", name))
 
 
+SILENT_PHASE = 0.05
+"""A phase whose largest value is below this share of that of the others is missing [-]."""
+
+
 def _mean_of_phases(
     first: RecordedChannel, others: list[RecordedChannel | None], names: list[str]
 ) -> RecordedChannel:
-    """Return the mean of the phases of a drive; ValueError when one is missing or differs."""
+    """Return the mean of the phases of a drive; ValueError when one is missing or differs.
+
+    A phase that is silent while the others run would make the mean a third too small.
+    """
     values = [first.values]
     for name, other in zip(names, others, strict=True):
         if other is None:
@@ -342,6 +349,11 @@ def _mean_of_phases(
             message = f"its phase '{name}' has other times or another unit"
             raise ValueError(message)
         values.append(other.values)
+    largest = [float(np.nanmax(np.abs(row), initial=0.0)) for row in values]
+    for name, most in zip([first.name, *names], largest, strict=True):
+        if most < SILENT_PHASE * max(largest):
+            message = f"its phase '{name}' is silent while the others are not: a dead channel?"
+            raise ValueError(message)
     return replace(first, values=np.mean(values, axis=0)) if names else first
 
 

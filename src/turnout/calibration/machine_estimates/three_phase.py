@@ -1,0 +1,742 @@
+r"""Three-phase machines identified from voltage, current and power of their throws.
+
+The slope of the current with the power is that within throws, its slope with the voltage that over
+throws: with block means k of throws j
+
+.. math::
+
+    I_{jk} - \bar I_j &= f_{jk} - \bar f_j + e_{jk} \\
+    \bar I_j &= \bar f_j + \delta\,P'_j + b_j
+
+f is the circuit of `turnout.calibration.machine_estimates.three_phase_circuit`, or the straight
+line that stands beside it; P' is the part of the mean powers that does not go with the voltage. The
+term delta takes what copper temperature and frequency move in current and power alike from throw
+to throw, so that it is not taken for a slope with the load (Y. Mundlak, Econometrica 46, 1978). The
+current of every other sample stands with voltage and power of those between, whose noise it does
+not share and of which that noise is taken out by what they have in common: it would flatten both
+slopes.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.calibration.machine_estimates.current_fit import Estimate, NotIdentified
+from turnout.calibration.machine_estimates.three_phase_circuit import SupplyCircuit
+from turnout.core.errors import MeasurementError
+from turnout.core.running_current import running_time
+
+Floats = NDArray[np.float64]
+
+SETTLED, MARGIN = 0.5, 0.2
+"""Left out behind the contactor and before the cut-off [s]."""
+BLOCK = 0.2
+"""Samples are averaged over so long [s]."""
+LEAST_BLOCKS, LEAST_THROWS = 5, 8
+"""Blocks in a throw, and throws, that a fit needs at least."""
+LEAST_SHARE = 0.03
+"""A quantity whose deviation is a larger share of it is not identified: only its range is [-]."""
+LEAKAGE_SHARE, LEAKAGE_SPREAD = 0.2, 0.4
+"""Leakage reactance over U/(sqrt(3) I) where no inrush shows it, and its relative deviation [-]."""
+INRUSH_SPREAD = 0.2
+"""Relative deviation of the running leakage from that of an inrush, in which teeth saturate [-]."""
+RESOLVED, LEAST_INRUSH = 0.9, 1.5
+"""An inrush is resolved where two samples in a row are at least this share of the largest, which is
+at least so much of the running current [-]."""
+STARTS = tuple((r, n) for r in (0.15, 0.45, 0.75) for n in (1.5, 4.0, 8.0))
+"""Resistance as a share of the largest that the power allows, and saturation, of the starts [-]."""
+MOST_SATURATION = 20.0
+DEPARTS = 3.0
+"""Standard deviations from which a bend that the circuit leaves is stated."""
+WORSE = 1.15
+"""Scatter about the circuit over that about the straight line from which it does not follow [-]."""
+LEAST_ANGLE = 0.03
+"""Least power factor of a running machine; below, power or current has another unit [-]."""
+VOLTAGE_RANGE = (0.7, 1.4)
+"""Recorded over rated voltage; beyond, it has another unit or is that of a phase [-]."""
+CHANNELS = {"voltage": "drive_voltage", "current": "drive_current", "power": "drive_power"}
+LETTERS = {"voltage": "U", "current": "I", "power": "P"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ThrowMeans:
+    """Voltage, current and power of one throw while its motor runs, in blocks of `BLOCK`.
+
+    Attributes
+    ----------
+    name : str
+    duration : float
+        From the contactor to the cut-off [s].
+    voltage, current, power : ndarray, shape (2, n_blocks), or None
+        Means over the even and the odd samples of each block: between lines [V], of a line [A],
+        active [W]; None where not recorded.
+    inrush : tuple of float or None
+        Voltage, current and power of the sample with the largest current.
+    """
+
+    name: str
+    duration: float
+    voltage: Floats | None
+    current: Floats | None
+    power: Floats | None
+    inrush: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Departure:
+    """A bend in the measured current that the circuit does not have.
+
+    Attributes
+    ----------
+    what : str
+        Quantity along which it bends.
+    size : Estimate
+        Current left over one standard deviation from the mean [A].
+    """
+
+    what: str
+    size: Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThreePhaseFit:
+    """What voltage, current and power of throws say of one three-phase machine, at the recorder.
+
+    Attributes
+    ----------
+    drive : str
+    throws : int
+    missing : tuple of str
+        Of U, I and P, those that were not recorded.
+    voltage, power : float
+        Point of reference: means over throws, NaN where not recorded [V, W].
+    rated_voltage : float
+        [V].
+    current : Estimate or NotIdentified
+        At the rated voltage and the power of reference; without power at the mean load [A].
+    per_volt : Estimate or NotIdentified
+        Rise of the current with the voltage at the same power, over throws [A/V].
+    per_watt : Estimate or NotIdentified
+        Rise of the current with the power at the same voltage, within throws [A/W].
+    resistance : Estimate or NotIdentified
+        Sum of line and stator, of a phase, at the copper's mean temperature [ohm].
+    saturation : Estimate or NotIdentified
+        d ln i/d ln psi of the main branch of the Gamma circuit at the point of reference [-].
+    loss : Estimate or NotIdentified
+        Iron plus mechanical loss, from throws with the rod off [W].
+    leakage : Estimate or None
+        Reactance that was allowed for, with its deviation: no result [ohm].
+    left : tuple of float
+        Scatter of throw means that the circuit and the straight line leave [A]; NaN without.
+    departures : tuple of Departure
+        Where the circuit does not follow.
+    starts : tuple of int
+        Starts that ended at the best fit, and all starts.
+    """
+
+    drive: str
+    throws: int
+    missing: tuple[str, ...]
+    voltage: float
+    power: float
+    rated_voltage: float
+    current: Estimate | NotIdentified
+    per_volt: Estimate | NotIdentified
+    per_watt: Estimate | NotIdentified
+    resistance: Estimate | NotIdentified
+    saturation: Estimate | NotIdentified
+    loss: Estimate | NotIdentified
+    leakage: Estimate | None
+    left: tuple[float, float]
+    departures: tuple[Departure, ...]
+    starts: tuple[int, int]
+
+    @property
+    def verdict(self) -> str:
+        """How well the circuit follows, beside the straight line in U and P."""
+        if not math.isfinite(self.left[1]):
+            return "no current was recorded: nothing to follow"
+        if self.missing:
+            return f"no circuit without {' and '.join(self.missing)}; {self._line_text}"
+        texts = [
+            f"throw means scatter by {1e3 * self.left[0]:.1f} mA about the circuit; "
+            f"{self._line_text}"
+        ]
+        if self.left[0] > WORSE * self.left[1]:
+            texts.append("the circuit does not follow: the straight line leaves less")
+        texts += [
+            f"the circuit does not follow the {one.what}: {1e3 * one.size.value:+.1f} mA left at "
+            "one deviation from the mean"
+            for one in self.departures
+        ]
+        if self.starts[0] < self.starts[1]:
+            texts.append(f"{self.starts[0]} of {self.starts[1]} starts ended there")
+        return "; ".join(texts)
+
+    @property
+    def _line_text(self) -> str:
+        seen = " and ".join(letter for letter in "UP" if letter not in self.missing)
+        return f"{1e3 * self.left[1]:.1f} mA about the straight line in {seen}"
+
+
+NOT_SEPARATED = (
+    "line and stator resistance: only their sum is seen, at the copper's mean temperature",
+    "iron loss, drag, friction and load: all are power behind that resistance",
+    "rotor resistance from slip: a running current does not depend on either",
+    "leakage reactance while running: it is taken from the inrush, or assumed",
+)
+
+
+def fit_three_phase(
+    campaign: xr.Dataset,
+    *,
+    rated_voltage: float,
+    to_neutral: bool = False,
+    free: Sequence[str] = (),
+) -> tuple[ThreePhaseFit, ...]:
+    """Fit every drive of a campaign as a three-phase machine.
+
+    Parameters
+    ----------
+    campaign : xarray.Dataset
+        At least two of `drive_voltage`, `drive_current` and `drive_power` (movement, drive, time).
+    rated_voltage : float
+        Between lines, rms [V].
+    to_neutral : bool
+        Whether the recorded voltages are those of a phase.
+    free : sequence of str
+        Movements with the rod off.
+
+    Returns
+    -------
+    tuple of ThreePhaseFit
+        By drive.
+
+    Raises
+    ------
+    MeasurementError
+        Without two of the three channels or enough throws, where they contradict each other, or
+        with a movement in `free` that is not there.
+    """
+    names = [str(name) for name in campaign["movement"].values] if "movement" in campaign else []
+    there = [what for what, channel in CHANNELS.items() if channel in campaign]
+    problems = [
+        f"free movement '{name}': is not in the campaign" for name in free if name not in names
+    ]
+    if len(there) < 2 or not names:
+        channels = ", ".join(CHANNELS.values())
+        problems.append(f"needs movements with at least two of {channels}")
+    if problems:
+        raise MeasurementError(problems, source="three-phase fit")
+    found = []
+    for drive in map(str, campaign["drive"].values):
+        throws = list(throw_means(campaign, drive, to_neutral=to_neutral))
+        problems += _contradictions(throws, drive, rated_voltage)
+        found.append((drive, throws))
+    if problems:
+        raise MeasurementError(problems, source="three-phase fit")
+    return tuple(
+        fit_throws(drive, throws, rated_voltage=rated_voltage, free=free) for drive, throws in found
+    )
+
+
+def throw_means(
+    campaign: xr.Dataset, drive: str, *, to_neutral: bool = False
+) -> Iterator[ThrowMeans]:
+    """Yield what a campaign has of a drive while its motor runs, one throw after the other."""
+    rows: dict[str, Floats] = {}
+    for what, channel in CHANNELS.items():
+        if channel in campaign:
+            name = channel + "_unfiltered"
+            data = campaign[name if name in campaign else channel].sel(drive=drive)
+            values = np.abs(data.transpose("movement", "time").values)
+            if np.isfinite(values).any():
+                rows[what] = values
+    time = campaign["time"].values
+    if "voltage" in rows and to_neutral:
+        rows["voltage"] = math.sqrt(3.0) * rows["voltage"]
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    length = max(2, round(BLOCK * rate))
+    for number, name in enumerate(map(str, campaign["movement"].values)):
+        one = {what: values[number] for what, values in rows.items()}
+        known = np.all([np.isfinite(values) for values in one.values()], axis=0)
+        by = one["current"] if "current" in one else one["power"] / 200.0
+        on, off = running_time(time[known], by[known])
+        inside = np.flatnonzero(known & (time >= on + SETTLED) & (time <= off - MARGIN))
+        count = inside.size // length
+        if count < LEAST_BLOCKS:
+            continue
+        at = inside[: count * length].reshape(count, length)
+        means = {
+            what: np.stack([values[at[:, k::2]].mean(axis=1) for k in range(2)])
+            for what, values in one.items()
+        }
+        start = np.flatnonzero(known & (time >= on - 0.1) & (time <= on + SETTLED))
+        yield ThrowMeans(
+            name=name,
+            duration=off - on,
+            voltage=means.get("voltage"),
+            current=means.get("current"),
+            power=means.get("power"),
+            inrush=_inrush({what: v[start] for what, v in one.items()}, means.get("current")),
+        )
+
+
+def _inrush(
+    start: Mapping[str, Floats], running: Floats | None
+) -> tuple[float, float, float] | None:
+    """Return voltage, current and power at the largest current of the start.
+
+    None without one of them, or where no neighbour is near it: the motor ran up within a sample.
+    """
+    if len(start) < len(CHANNELS) or running is None or start["current"].size < 3:
+        return None
+    current = start["current"]
+    at = int(current[1:-1].argmax()) + 1
+    least = max(current[at] * RESOLVED, LEAST_INRUSH * float(np.median(running)))
+    if max(current[at - 1], current[at + 1]) < least:
+        return None
+    u, i, p = (float(start[what][at]) for what in CHANNELS)
+    return (u, i, p) if math.sqrt(3.0) * u * i > p > 0.0 else None
+
+
+def _contradictions(
+    throws: Sequence[ThrowMeans], drive: str, rated_voltage: float
+) -> Iterator[str]:
+    """Yield what voltage, current and power of a drive cannot be together."""
+    if len(throws) < LEAST_THROWS:
+        yield (
+            f"drive {drive}: its motor runs steadily in {len(throws)} movements, "
+            f"{LEAST_THROWS} are needed"
+        )
+        return
+    low, high = (share * rated_voltage for share in VOLTAGE_RANGE)
+    voltages = [float(t.voltage.mean()) for t in throws if t.voltage is not None]
+    beyond = [v for v in voltages if not low <= v <= high]
+    if beyond:
+        yield (
+            f"drive {drive}: {beyond[0]:.4g} V against {rated_voltage:g} V rated: another unit, or "
+            "voltages of a phase to neutral"
+        )
+        return
+    for t in throws:
+        if t.current is None or t.power is None:
+            continue
+        voltage = float(t.voltage.mean()) if t.voltage is not None else rated_voltage
+        current, power = float(t.current.mean()), float(t.power.mean())
+        most = math.sqrt(3.0) * voltage * current
+        slack = 1.0 if t.voltage is not None else VOLTAGE_RANGE[1]
+        if not LEAST_ANGLE * most <= power <= slack * most:
+            yield (
+                f"drive {drive}, {t.name}: {power:.4g} W with {current:.4g} A and {voltage:.4g} V; "
+                f"sqrt(3) U I is {most:.4g} VA and power factors are {LEAST_ANGLE:g} to 1: another "
+                "unit, a phase that is missing, or voltages of a phase to neutral"
+            )
+            return
+
+
+# --- one machine
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Blocks:
+    """Halves of the blocks of all throws, and their throws.
+
+    Current of one half stands with voltage and power of the other, freed of noise within throws:
+    what is noise in the one is none in the other.
+    """
+
+    voltage: Floats
+    power: Floats
+    current: Floats
+    throw: NDArray[np.int64]
+    count: int
+
+    def mean(self, values: Floats) -> Floats:
+        """Return the means over each throw, shape (count,)."""
+        size = np.bincount(self.throw, minlength=self.count)
+        return np.asarray(np.bincount(self.throw, values, minlength=self.count) / size)
+
+    def within(self, values: Floats) -> Floats:
+        """Return the deviations from the throw's mean."""
+        return np.asarray(values - self.mean(values)[self.throw])
+
+
+def _blocks(throws: Sequence[ThrowMeans]) -> _Blocks:
+    first = throws[0]
+    sizes = [next(v for v in (t.current, t.power) if v is not None).size for t in throws]
+    throw = np.repeat(np.arange(len(throws)), sizes)
+
+    def joined(what: str, *, turned: bool) -> Floats:
+        if getattr(first, what) is None:
+            return np.zeros(throw.size)
+        halves = (getattr(t, what) for t in throws)
+        return np.concatenate([(h[::-1] if turned else h).ravel() for h in halves])
+
+    current = joined("current", turned=False)
+    blocks = _Blocks(np.zeros(throw.size), np.zeros(throw.size), current, throw, len(throws))
+
+    def freed(what: str) -> Floats:
+        values = joined(what, turned=True)
+        own = blocks.within(values)
+        whole = float(own @ own)
+        kept = float(own @ blocks.within(joined(what, turned=False))) / whole if whole > 0 else 0.0
+        return np.asarray(values - (1.0 - min(max(kept, 0.0), 1.0)) * own)
+
+    return replace(blocks, voltage=freed("voltage"), power=freed("power"))
+
+
+Model = Callable[[Floats, _Blocks], Floats]
+"""Current of blocks by parameters."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitted:
+    """Parameters, their covariance, and what is left of the throws' means."""
+
+    values: Floats
+    covariance: Floats
+    left: Floats
+    cost: float
+
+    def parameter(self, at: int, count: int) -> Estimate:
+        """Return the estimate of a parameter."""
+        return self.estimate(np.eye(self.values.size)[at], float(self.values[at]), count)
+
+    def estimate(self, gradient: Floats, value: float, count: int) -> Estimate:
+        """Return the estimate of a function of the parameters by its gradient."""
+        variance = float(gradient @ self.covariance @ gradient)
+        return Estimate.of(value, math.sqrt(max(variance, 0.0)), count)
+
+
+def _fitted(
+    model: Model,
+    blocks: _Blocks,
+    starts: Sequence[Floats],
+    bounds: tuple[Floats, Floats],
+) -> tuple[_Fitted, int]:
+    """Return the best fit of several starts, and how many of them ended at it.
+
+    The last parameter is delta, the slope that is left over throws. The covariance is that of the
+    scores of whole throws, whose blocks are not independent.
+    """
+    from scipy.optimize import least_squares
+
+    power, target = blocks.mean(blocks.power), blocks.mean(blocks.current)
+    apart, across = (v - v.mean() for v in (power, blocks.mean(blocks.voltage)))
+    spread = float(across @ across)
+    if spread > 0.0:  # a higher voltage takes more power in the copper: no part of delta
+        apart = apart - float(apart @ across) / spread * across
+    own = blocks.within(blocks.current)
+
+    def residuals(x: Floats, weights: tuple[float, float]) -> Floats:
+        found = model(x, blocks)
+        found = np.where(np.isfinite(found), found, 10.0 * target.max())
+        inside = (own - blocks.within(found)) / weights[0]
+        return np.concatenate([inside, (target - blocks.mean(found) - x[-1] * apart) / weights[1]])
+
+    def solved(start: Floats, weights: tuple[float, float]) -> Any:
+        scale = np.abs(start) + 1e-6
+        return least_squares(residuals, start, bounds=bounds, x_scale=scale, args=(weights,))
+
+    weights = (0.02, 0.02)
+    ends = [solved(start, weights) for start in starts]
+    best = min(ends, key=lambda end: end.cost)
+    same = sum(bool(end.cost <= best.cost * 1.001 + 1e-9) for end in ends)
+    size = blocks.throw.size
+    for _ in range(3):
+        rest = residuals(best.x, (1.0, 1.0))
+        weights = (_rms(rest[:size]), _rms(rest[size:]))
+        best = solved(best.x, weights)
+    jac, rest = best.jac, best.fun
+    clusters = np.concatenate([blocks.throw, np.arange(blocks.count)])
+    scores = np.zeros((blocks.count, jac.shape[1]))
+    np.add.at(scores, clusters, jac * rest[:, None])
+    meat = scores.T @ scores * blocks.count / max(blocks.count - jac.shape[1], 1)
+    bread = np.linalg.pinv(jac.T @ jac, rcond=1e-13)
+    left = rest[size:] * weights[1]
+    return _Fitted(best.x, bread @ meat @ bread, left, float(best.cost)), same
+
+
+def _rms(values: Floats) -> float:
+    return max(float(np.sqrt(np.mean(values**2))), 1e-6)
+
+
+def fit_throws(
+    drive: str, throws: Sequence[ThrowMeans], *, rated_voltage: float, free: Sequence[str] = ()
+) -> ThreePhaseFit:
+    """Fit one machine to its throws, which do not contradict each other.
+
+    Parameters
+    ----------
+    drive : str
+    throws : sequence of ThrowMeans
+        At least `LEAST_THROWS`, all with the same channels.
+    rated_voltage : float
+        Between lines, rms [V].
+    free : sequence of str
+        Throws with the rod off.
+    """
+    missing = tuple(LETTERS[w] for w in CHANNELS if getattr(throws[0], w) is None)
+    blocks = _blocks(throws)
+    loaded = np.array([t.name not in free for t in throws])
+    u, p = (
+        float(blocks.mean(values)[loaded].mean()) if letter not in missing else math.nan
+        for letter, values in (("U", blocks.voltage), ("P", blocks.power))
+    )
+    without = NotIdentified(reason=f"{' and '.join(missing)} not recorded")
+    fit = ThreePhaseFit(
+        drive=drive,
+        throws=len(throws),
+        missing=missing,
+        voltage=u,
+        power=p,
+        rated_voltage=rated_voltage,
+        current=without,
+        per_volt=without,
+        per_watt=without,
+        resistance=without,
+        saturation=without,
+        loss=without,
+        leakage=None,
+        left=(math.nan, math.nan),
+        departures=(),
+        starts=(0, 0),
+    )
+    if "I" in missing:
+        return fit
+    line = _straight_line(blocks, u, p)
+    if missing:
+        return _with_line(fit, line)
+    return _with_circuit(fit, line, blocks, throws, free)
+
+
+def _with_line(fit: ThreePhaseFit, line: _Fitted) -> ThreePhaseFit:
+    """Return what current and either voltage or power tell."""
+    fit = replace(fit, left=(math.nan, _rms(line.left)))
+    if "U" in fit.missing:
+        return replace(fit, per_watt=_stated(line, 2, fit.throws))
+    at_rated = np.array([1.0, fit.rated_voltage - fit.voltage, 0.0, 0.0])
+    return replace(
+        fit,
+        current=line.estimate(at_rated, float(at_rated @ line.values), fit.throws),
+        per_volt=_stated(line, 1, fit.throws),
+    )
+
+
+def _with_circuit(
+    fit: ThreePhaseFit,
+    line: _Fitted,
+    blocks: _Blocks,
+    throws: Sequence[ThrowMeans],
+    free: Sequence[str],
+) -> ThreePhaseFit:
+    """Return what voltage, current and power tell."""
+    u, p, count = fit.voltage, fit.power, fit.throws
+    fitted, same, leakage = _circuit(blocks, throws, (u, p), line)
+
+    def by_circuit(*at: tuple[float, float], over: float = 1.0, wide: float = 0.0) -> Any:
+        return _function(fitted, (u, p), at, over, count, wide)
+
+    straight = float(line.values[0] + line.values[1] * (fit.rated_voltage - u))
+    return replace(
+        fit,
+        current=by_circuit((fit.rated_voltage, p), wide=straight),
+        per_volt=by_circuit((u - 1.0, p), (u + 1.0, p), over=2.0),
+        per_watt=by_circuit((u, p - 5.0), (u, p + 5.0), over=10.0),
+        resistance=_stated(fitted, 1, count, most=_largest_resistance(p, line)),
+        saturation=_stated(fitted, 2, count, most=MOST_SATURATION),
+        loss=_loss(throws, free, fitted.parameter(1, count)),
+        leakage=leakage,
+        left=(_rms(fitted.left), _rms(line.left)),
+        departures=tuple(_departures(blocks, fitted.left)),
+        starts=(same, len(STARTS)),
+    )
+
+
+def _straight_line(blocks: _Blocks, voltage: float, power: float) -> _Fitted:
+    """Return the line I = I_0 + b (U - U_0) + c (P - P_0); a column that is missing has 0."""
+    dead = [not math.isfinite(value) for value in (voltage, power)]
+
+    def model(x: Floats, given: _Blocks) -> Floats:
+        rise = np.zeros(given.current.size) if dead[0] else x[1] * (given.voltage - voltage)
+        return np.asarray(x[0] + rise + (0.0 if dead[1] else x[2] * (given.power - power)))
+
+    free = np.full(4, np.inf)
+    start = np.array([float(blocks.current.mean()), 0.02, -1e-4, 0.0])
+    return _fitted(model, blocks, [start], (-free, free))[0]
+
+
+def _circuit_of(x: Floats, voltage: float, power: float) -> SupplyCircuit:
+    return SupplyCircuit(
+        voltage=voltage,
+        power=power,
+        current=float(x[0]),
+        resistance=float(x[1]),
+        saturation=float(x[2]),
+        leakage=float(x[3]),
+    )
+
+
+def _circuit(
+    blocks: _Blocks, throws: Sequence[ThrowMeans], point: tuple[float, float], line: _Fitted
+) -> tuple[_Fitted, int, Estimate]:
+    """Return the circuit I_0, R, n, X_l, delta; how many starts ended at it; X_l as allowed for.
+
+    The leakage is assumed first and, where inrushes were recorded, taken from them by the circuit
+    so found. The running currents do not choose it: a main branch that bends otherwise than by a
+    power would be taken for leakage. What R and n change over a deviation of it is added.
+    """
+    current, most = float(line.values[0]), _largest_resistance(point[1], line)
+    assumed = LEAKAGE_SHARE * point[0] / (math.sqrt(3.0) * current)
+    leakage = Estimate.of(assumed, LEAKAGE_SPREAD * assumed, 1)
+    bounds = (
+        np.array([0.5 * current, 0.0, 0.5, -np.inf]),
+        np.array([1.5 * current, most, MOST_SATURATION, np.inf]),
+    )
+
+    def fit(starts: Sequence[Floats], reactance: float) -> tuple[_Fitted, int]:
+        def model(x: Floats, given: _Blocks) -> Floats:
+            circuit = _circuit_of(np.insert(x, 3, reactance), *point)
+            return circuit.current_at(given.voltage, given.power)
+
+        return _fitted(model, blocks, starts, bounds)
+
+    starts = [np.array([current, share * most, n, 0.0]) for share, n in STARTS]
+    fitted, same = fit(starts, leakage.value)
+    inrush = np.array([t.inrush for t in throws if t.inrush is not None])
+    for _ in range(2 if len(inrush) >= LEAST_THROWS else 0):
+        circuit = _circuit_of(np.insert(fitted.values, 3, leakage.value), *point)
+        leakage = _leakage(circuit, inrush)
+        fitted, _ = fit([fitted.values], leakage.value)
+    moved, _ = fit([fitted.values], leakage.value + leakage.deviation)
+    change = np.insert(moved.values - fitted.values, 3, leakage.deviation)
+    inner = np.insert(np.insert(fitted.covariance, 3, 0.0, axis=0), 3, 0.0, axis=1)
+    whole = replace(
+        fitted,
+        values=np.insert(fitted.values, 3, leakage.value),
+        covariance=inner + np.outer(change, change),
+    )
+    return whole, same, leakage
+
+
+def _leakage(circuit: SupplyCircuit, inrush: Floats) -> Estimate:
+    """Return the leakage reactance by inrushes, shape (n, 3) of voltage, current and power [ohm].
+
+    A sample that began before the contactor closed shows too much reactance: the least tenth of
+    the throws has the samples that lie within the inrush.
+    """
+    least, most = (np.quantile(x, 0.1) for x in circuit.leakage_of(*inrush.T))
+    value = 0.5 * float(least + most)
+    deviation = math.hypot(0.3 * float(most - least), INRUSH_SPREAD * value)
+    return Estimate.of(value, deviation, len(inrush))
+
+
+def _largest_resistance(power: float, line: _Fitted) -> float:
+    """Return the resistance that would take all of the power [ohm]."""
+    return power / (3.0 * float(line.values[0]) ** 2)
+
+
+def _stated(
+    fitted: _Fitted, at: int, count: int, *, most: float = math.inf
+) -> Estimate | NotIdentified:
+    """Return a parameter, unless its deviation is too large or it lies at its bound."""
+    found = fitted.parameter(at, count)
+    if found.value > 0.99 * most:
+        return NotIdentified(reason=f"lies at its bound of {most:.3g}")
+    return _or_not(found)
+
+
+def _or_not(found: Estimate) -> Estimate | NotIdentified:
+    if 0.0 < found.deviation <= LEAST_SHARE * abs(found.value):
+        return found
+    return NotIdentified(
+        reason=f"somewhere from {found.low:.3g} to {found.high:.3g}; more throws, or throws with "
+        "other loads and voltages, are needed"
+    )
+
+
+def _function(
+    fitted: _Fitted,
+    point: tuple[float, float],
+    at: Sequence[tuple[float, float]],
+    over: float,
+    count: int,
+    straight: float,
+) -> Estimate | NotIdentified:
+    """Return the current at a point, or a slope of it between two points `over` apart.
+
+    `straight` is what the line has there; half of what they differ by is not known. 0: no line.
+    """
+    voltage, power = np.array(at).T
+
+    def value_of(x: Floats) -> float:
+        found = _circuit_of(x, *point).current_at(voltage, power)
+        return float(found[-1] - found[0]) / over if found.size > 1 else float(found[0])
+
+    x, gradient = fitted.values, np.zeros(fitted.values.size)
+    value = value_of(x)
+    for k in range(4):
+        step = np.zeros(x.size)
+        step[k] = 1e-4 * abs(x[k]) + 1e-9
+        gradient[k] = (value_of(x + step) - value_of(x - step)) / (2.0 * step[k])
+    if not np.isfinite([value, *gradient]).all():
+        return NotIdentified(reason="the circuit has no such point")
+    found = fitted.estimate(gradient, value, count)
+    if straight:
+        return Estimate.of(value, found.deviation, count, common=0.5 * abs(value - straight))
+    return _or_not(found)
+
+
+def _loss(
+    throws: Sequence[ThrowMeans], free: Sequence[str], resistance: Estimate
+) -> Estimate | NotIdentified:
+    """Return the power with the rod off less the copper's, P - 3 R I^2; R however well it is known.
+
+    Without such throws the least that is left of any is above it.
+    """
+    powers, squares = (
+        np.array([float(v.mean()) for t in throws if (v := getattr(t, what)) is not None])
+        for what in ("power", "current")
+    )
+    squares, chosen = squares**2, np.array([t.name in free for t in throws])
+    inside = powers - 3.0 * resistance.value * squares
+    if chosen.sum() < 2:
+        most = float(inside.min()) + 3.0 * float(squares.mean()) * (
+            resistance.value - resistance.low
+        )
+        return NotIdentified(
+            reason=f"the rod never ran free: at most {most:.0f} W, which the least power leaves"
+        )
+    size = int(chosen.sum())
+    value = float(inside[chosen].mean())
+    scatter = float(inside[chosen].std(ddof=1)) / math.sqrt(size)
+    copper = 3.0 * float(squares[chosen].mean()) * resistance.deviation
+    found = Estimate.of(value, scatter, size, common=copper)
+    if found.deviation > LEAST_SHARE * abs(value):
+        return NotIdentified(
+            reason=f"{value:.0f} W with a deviation of {found.deviation:.0f} W, most of it of the "
+            "copper's part"
+        )
+    return found
+
+
+def _departures(blocks: _Blocks, left: Floats) -> Iterator[Departure]:
+    """Yield the bends of what the circuit leaves of the throws' means."""
+    u, p = (blocks.mean(values) for values in (blocks.voltage, blocks.power))
+    u, p = ((v - v.mean()) / max(float(v.std()), 1e-12) for v in (u, p))
+    columns = np.stack([np.ones(u.size), u, p, u * u - 1.0, p * p - 1.0, u * p], axis=1)
+    solution = np.linalg.lstsq(columns, left, rcond=None)[0]
+    rest = left - columns @ solution
+    variance = float(rest @ rest) / max(u.size - columns.shape[1], 1)
+    inverse = np.linalg.pinv(columns.T @ columns)
+    for at, what in ((3, "voltage"), (4, "power"), (5, "voltage and power together")):
+        deviation = math.sqrt(variance * float(inverse[at, at]))
+        if abs(solution[at]) > DEPARTS * deviation:
+            size = Estimate.of(float(solution[at]), deviation, u.size - columns.shape[1] + 1)
+            yield Departure(what=what, size=size)
