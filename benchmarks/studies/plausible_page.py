@@ -18,10 +18,9 @@ import numpy as np
 
 from benchmarks.page import EVIDENCE, put
 from turnout.calibration.case import load_panel_or_case
+from turnout.calibration.matching.fact_emulator import farthest_points
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
-from turnout.calibration.matching.match import Matching, match_panel
-from turnout.calibration.matching.meet_facts import thrower_at
-from turnout.calibration.matching.propose import farthest_points
+from turnout.calibration.matching.match import Matching, match_panel, thrower_at
 from turnout.calibration.matching.remaining import (
     answer_rows,
     combinations,

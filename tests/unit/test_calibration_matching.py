@@ -12,14 +12,24 @@ from typer.testing import CliRunner
 from turnout.calibration.case import case_panel, load_panel_or_case
 from turnout.calibration.load_study import load_study
 from turnout.calibration.matching import match
-from turnout.calibration.matching.ensemble import study_text
-from turnout.calibration.matching.fact_emulator import Emulation, fit_emulator
+from turnout.calibration.matching.fact_emulator import (
+    Emulation,
+    farthest_points,
+    fit_emulator,
+    plausible_points,
+)
 from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_facts, read_facts
-from turnout.calibration.matching.match import match_panel
+from turnout.calibration.matching.match import (
+    Thrower,
+    evaluate,
+    holds,
+    in_order,
+    match_panel,
+    panel_at,
+)
 from turnout.calibration.matching.measures import MEASURES
-from turnout.calibration.matching.meet_facts import Thrower, evaluate, holds, in_order, panel_at
-from turnout.calibration.matching.propose import farthest_points, plausible_points
 from turnout.calibration.matching.remaining import gains, ranges
+from turnout.calibration.matching.survey import study_text
 from turnout.cli.main import app
 from turnout.core.errors import FileError, StudyError
 from turnout.core.library import text_in_library

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import movement
 
-from turnout.calibration.left_priors import PLACE, STATE, THICKNESS, Stated, kind_that_leaves
 from turnout.calibration.objects import (
     acts_on,
     as_found,
@@ -19,6 +18,7 @@ from turnout.calibration.objects import (
     thrown_object,
 )
 from turnout.calibration.parameter import Fitted
+from turnout.calibration.sensors import PLACE, STATE, THICKNESS, Stated, kind_that_leaves
 
 FREE = replace(movement("free", rng=np.random.default_rng(0)), place="none", size=0.0)
 TRAPPED = replace(FREE, name="trapped", place="sleeper 7", size=0.013, x=3.9)

@@ -6,15 +6,21 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
-from turnout.calibration import left_priors
+from turnout.calibration import sensors
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
-from turnout.calibration.left_priors import Stated, prior_reasons, stated_unknowns
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit, shared_estimates
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted, prediction
-from turnout.calibration.sensors import FoundSensor, found_sensors, sensor_reasons
+from turnout.calibration.sensors import (
+    FoundSensor,
+    Stated,
+    found_sensors,
+    prior_reasons,
+    sensor_reasons,
+    stated_unknowns,
+)
 from turnout.calibration.shared import SensorColumn
 from turnout.calibration.stages import default_plan
 from turnout.panel.load import load_panel
@@ -166,7 +172,7 @@ def test_a_reason_says_whether_one_value_or_all_are_too_far_off(
     away: list[float], words: str, right: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unknowns = [Stated(text=f"n{number}", away=size) for number, size in enumerate(away)]
-    monkeypatch.setattr(left_priors, "stated_unknowns", lambda _: unknowns)
+    monkeypatch.setattr(sensors, "stated_unknowns", lambda _: unknowns)
     found = prior_reasons(right, ["clutch"])
     assert [words in text for text in found] == ([True] if words else [])
 
@@ -196,7 +202,7 @@ def test_gains_alike_are_no_reason_where_the_rails_are_fitted(
     found = fit(replace(whole, movements=less, comparison=known), PARAMETERS, TRUE)
     (reason,) = prior_reasons(found, ["recorder filter"])
     assert "gauges of drive 1 +" in reason
-    monkeypatch.setattr("turnout.calibration.left_priors.MODULUS", "k")
+    monkeypatch.setattr("turnout.calibration.sensors.MODULUS", "k")
     assert not prior_reasons(found, ["sections"])
 
 

@@ -19,10 +19,9 @@ from tests.unit.test_calibration_fit import (
 
 from turnout.calibration import evaluate
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throw_processes
-from turnout.calibration.fit import _least_squares
+from turnout.calibration.fit import _least_squares, update_movement_effects
 from turnout.calibration.linearisation import leaders_of
 from turnout.calibration.misfit import Misfit, framed, jacobian
-from turnout.calibration.movement_effects import update_movement_effects
 from turnout.core.errors import SolverError
 from turnout.core.scheme import Scheme
 from turnout.core.workers import Workers

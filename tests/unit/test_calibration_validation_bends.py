@@ -16,8 +16,8 @@ from tests.unit.test_study_validation import hand_made
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.validation.acceptance import judge
-from turnout.calibration.validation.bends import with_bends
 from turnout.calibration.validation.seen_throws import Seen
+from turnout.calibration.validation.validate import with_bends
 
 NAME = "chair.friction_coefficient"
 VALUE = CALIBRATION.parameters[0].value

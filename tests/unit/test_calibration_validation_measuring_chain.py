@@ -9,8 +9,8 @@ from tests.unit.calibrations import calibration
 from tests.unit.test_calibration_fit import TRUE, movement, response
 
 from turnout.calibration.result import load_calibration
-from turnout.calibration.validation.grid import Grid
-from turnout.calibration.validation.measuring_chain import (
+from turnout.calibration.validation.seen_throws import (
+    Grid,
     chain_variance,
     found_chain,
     through_chain,

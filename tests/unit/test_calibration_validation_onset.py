@@ -7,7 +7,7 @@ import pytest
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement, Signal
-from turnout.calibration.validation.onset import onset_shifts, with_rest
+from turnout.calibration.validation.seen_throws import onset_shifts, with_rest
 
 TIME = np.arange(-0.99, 3.2, 0.02)
 CELLS = np.arange(0.002, 6.0, 0.004)

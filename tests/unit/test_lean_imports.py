@@ -125,7 +125,7 @@ import turnout.throw.simulate
 print("turnout.throw.dataset" in sys.modules)
 import turnout.study.sweep.run, turnout.study.sweep.worker
 print("xarray" in sys.modules, "pandas" in sys.modules)
-import turnout.calibration.calibrate, turnout.calibration.left_priors
+import turnout.calibration.calibrate, turnout.calibration.sensors
 import turnout.detection.detector.throw_verdict, turnout.detection.detector.trends
 print("scipy.stats" in sys.modules)
 """

@@ -34,7 +34,6 @@ from turnout.calibration.fit import (
 )
 from turnout.calibration.fitted_file import movement_rows
 from turnout.calibration.grid_search import GridSearch, sweep
-from turnout.calibration.left_priors import prior_reasons
 from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.noise import measured_noise
@@ -64,6 +63,7 @@ from turnout.calibration.sensors import (
     LEAVES_PRIOR,
     common_lead,
     found_sensors,
+    prior_reasons,
     sensor_reasons,
     stated_gains,
 )

@@ -359,3 +359,30 @@ def _movement(row: xr.Dataset, panel: LoadedPanel, bins: _Bins) -> MeasuredMovem
         length=movement_length(panel, direction, trapped=trapped),
         clocked=currents is not None and bool(np.isfinite(currents.values).any()),
     )
+
+
+def later(forces: Floats) -> Floats:
+    r"""Return the change of forces with a later onset, :math:`-\dot F`.
+
+    Parameters
+    ----------
+    forces : ndarray, shape (..., n_times)
+        In bins of `BIN`; NaN after the end of a movement, next to which the difference is taken
+        on one side [N].
+
+    Returns
+    -------
+    ndarray, shape (..., n_times)
+        [N/s]; NaN where the forces are.
+
+    Examples
+    --------
+    >>> later(np.array([0.0, 2.0, 4.0, np.nan])).tolist()
+    [-100.0, -100.0, -100.0, nan]
+    """
+    slope = np.gradient(forces, BIN, axis=-1)
+    steps = np.diff(forces, axis=-1) / BIN
+    ends = np.full((*forces.shape[:-1], 1), np.nan)
+    for aside in (np.concatenate((ends, steps), axis=-1), np.concatenate((steps, ends), axis=-1)):
+        slope = np.where(np.isnan(slope) & np.isfinite(forces), aside, slope)
+    return np.asarray(-slope, dtype=np.float64)

@@ -13,11 +13,10 @@ from turnout.calibration.causes import (
     is_worth_a_search,
     missed_share,
 )
-from turnout.calibration.fit import Fit, brief_fit, fit
+from turnout.calibration.fit import Fit, brief_fit, fit, update_movement_effects
 from turnout.calibration.grid_search import misfit_share, other_minima, sweep
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.movement_effects import update_movement_effects
 from turnout.calibration.objects import THICKER, thickness_name
 from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.core.errors import SolverError

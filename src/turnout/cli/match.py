@@ -69,9 +69,9 @@ def match_command(
 
 
 def _write(output: Output, facts: "Facts", shown: "Survey", *, choose: int) -> None:
-    from turnout.calibration.matching.ensemble import study_text
-    from turnout.calibration.matching.propose import farthest_points
+    from turnout.calibration.matching.fact_emulator import farthest_points
     from turnout.calibration.matching.remaining import ranges
+    from turnout.calibration.matching.survey import study_text
     from turnout.figures.pairs import plot_pairs
 
     study, plot = output["study"], output["plot"]

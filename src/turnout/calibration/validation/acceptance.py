@@ -6,8 +6,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.validation.error_kind import error_kind, error_kinds
-from turnout.calibration.validation.power import Rules, noticed_errors, noticed_to_first_order
+from turnout.calibration.validation.power import (
+    Rules,
+    error_kind,
+    error_kinds,
+    noticed_errors,
+    noticed_to_first_order,
+)
 from turnout.core.value_text import count_text
 
 Floats = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Predict every movement of a campaign, with the band in which the measurement should lie."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,26 +10,35 @@ from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Evaluator, Response
 from turnout.calibration.linearisation import stepped_value
-from turnout.calibration.measured_movements import MeasuredMovement, observe
+from turnout.calibration.measured_movements import MeasuredMovement, later, observe
 from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Fitted, Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.calibration.result import Calibration
 from turnout.calibration.result_entries import excluded_movements
-from turnout.calibration.validation.acceptance import judged_movements
-from turnout.calibration.validation.bends import with_bends
-from turnout.calibration.validation.coverage import BandParts, coverage_limits
-from turnout.calibration.validation.grid import DRIVE, OBJECT, Grid, later
+from turnout.calibration.validation.acceptance import first_order_power, judged_movements
+from turnout.calibration.validation.band_parts import (
+    BandParts,
+    Direction,
+    ThrowScatter,
+    coverage_limits,
+    scatter_of,
+)
 from turnout.calibration.validation.leave_out import LeftOut, leave_out_places
-from turnout.calibration.validation.measuring_chain import (
+from turnout.calibration.validation.seen_throws import (
+    CHECKING,
+    DRIVE,
+    OBJECT,
     OTHER_CHAIN,
+    PREDICTING,
+    Grid,
+    Report,
+    Seen,
     chain_directions,
     chain_variance,
     found_chain,
+    onset_shifts,
 )
-from turnout.calibration.validation.onset import onset_shifts
-from turnout.calibration.validation.scatter import Direction, ThrowScatter, scatter_of
-from turnout.calibration.validation.seen_throws import PREDICTING, Report, Seen
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import MeasurementError
 from turnout.core.provenance import provenance
@@ -46,6 +55,85 @@ from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
+SIDES = ("up", "down")
+
+
+def with_bends(
+    found: xr.Dataset,
+    calibration: Calibration,
+    *,
+    forces: Floats,
+    slopes: Mapping[str, Floats],
+    asides: Mapping[str, Sequence[Response]],
+    seen: Seen,
+) -> xr.Dataset:
+    """Throw each value to either side where first order says that the verdict notices it.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        As of `validate`, without `bend`.
+    calibration : Calibration
+        With the values.
+    forces : ndarray, shape (n_channels, n_movements, n_times)
+        As predicted [N]; NaN where a throw failed.
+    slopes : mapping of str to ndarray, shape as forces
+        By parameter [N over its unit].
+    asides : mapping of str to sequence of Response
+        By parameter the throws of all movements that slopes are from.
+    seen : Seen
+        Throws all movements.
+
+    Returns
+    -------
+    xarray.Dataset
+        With `bend` (side, parameter, channel, movement, time), what forces change beyond first
+        order, over the square of a change; 0 where nothing is noticed, and where a throw failed.
+        The attribute `unchecked` says of these parameters why, as JSON.
+    """
+    bends = xr.concat([xr.zeros_like(found["change"])] * len(SIDES), "side")
+    bends = bends.assign_coords(side=list(SIDES))
+    chosen = judged_movements(found["used"].values, found["left_out"].values)
+    part, plain = seen.of(chosen), forces[:, chosen]
+    movements = part.movements
+    unchecked = {
+        name: reason
+        for name in found["parameter"].values.tolist()
+        if (reason := _failure(movements, [asides[name][n] for n in chosen], plain))
+    }
+    fitted = {item.name: item for item in calibration.fitted}
+    steps = [
+        (name, side, amount, amount * (1.0 if fitted[name].unit == "m" else fitted[name].value))
+        for name, amounts in first_order_power(found).items()
+        for side, amount in zip(SIDES, amounts, strict=True)
+        if name not in unchecked
+    ]
+    settings = [
+        {**calibration.values, name: fitted[name].value + step} for name, _, _, step in steps
+    ]
+    thrown = part.thrown(settings, stage=CHECKING)[0]
+    for (name, side, amount, step), row in zip(steps, thrown, strict=True):
+        reason = _failure(movements, row, plain)
+        if reason:
+            unchecked.setdefault(name, reason)
+            continue
+        linear = plain + step * slopes[name][:, chosen]
+        place = {"parameter": name, "side": side, "movement": found["movement"].values[chosen]}
+        bends.loc[place] = (part.forces(row) - linear) / amount**2
+    return found.assign(bend=bends).assign_attrs(unchecked=json.dumps(unchecked))
+
+
+def _failure(
+    movements: Iterable[MeasuredMovement], responses: Sequence[Response], forces: Floats
+) -> str:
+    """Return why the first of some throws failed whose movement is predicted; else nothing."""
+    predicted = np.asarray(np.isfinite(forces).any(axis=(0, 2)), dtype=np.bool_)
+    for item, response, known in zip(movements, responses, predicted, strict=True):
+        if response.failure and known:
+            return f"{item.text}: {' '.join(response.failure.split())}"
+    return ""
+
+
 # 95 % of a normal distribution lie within so many standard deviations.
 QUANTILE = 1.959964
 # Parameters that a throw can have of its own, by the end of their key, and how much is expected.
