@@ -13,6 +13,7 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path as FilePath
+from typing import Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -166,7 +167,7 @@ def _moved(text: str, folder: FilePath, target: FilePath) -> str:
     for path in read_layout(text).values:
         if folder == target:
             continue
-        value = data
+        value: Any = data
         for part in path:
             value = value[part]
         if names_other_file(path[-1], value) and not FilePath(value).is_absolute():
