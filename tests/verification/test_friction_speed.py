@@ -27,7 +27,10 @@ from turnout.law.friction_state import FRICTION_STATES, FrictionCurve
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.features import features
+from turnout.metric.sliding import complex_modes, steady_sliding
+from turnout.metric.stability import friction_stability
 from turnout.panel.load import load_panel
+from turnout.solver.condense import condense
 from turnout.solver.integration import History
 from turnout.throw.simulate import simulate
 
@@ -167,6 +170,30 @@ def test_a_swing_about_sliding_grows_below_the_onset_speed_alone(
     expected = -(damping + NORMAL * slope(speed)) / (2 * MASS)
     assert against or (expected > 0.0) == (share < 1.0)
     assert found_rate(speed, against=against) == pytest.approx(expected, rel=0.03, abs=0.05)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("share", [0.3, 0.8, 1.25, 2.0])
+def test_complex_modes_follow_the_slope_of_the_curve(share: float, count: int) -> None:
+    """A mass on a belt, and two coupled ones in and against phase."""
+    speed = share * ONSET
+    pair = {"coupling": COUPLING, "coupling_damping": COUPLING_DAMPING} if count == 2 else {}
+    mechanism = blocks(SOFT, count=count, damping=DAMPING, **pair)
+    model = condense(mechanism, cutoff_frequency=float("inf"))
+    markers = np.zeros(count), np.full(count, speed)
+    state = steady_sliding(mechanism, model, inputs=markers[0], sense=1.0, rate=markers[1])
+    assert state.settled
+    falling = (DAMPING + NORMAL * slope(speed)) / MASS
+    expected = [(falling, SPRING / MASS)]
+    if count == 2:
+        expected += [(falling + 2 * COUPLING_DAMPING / MASS, (SPRING + 2 * COUPLING) / MASS)]
+    found = complex_modes(model, state.coupling, damping=state.damping).eigenvalues
+    for rate, square in expected:
+        root = complex(-rate / 2, np.sqrt(square - rate**2 / 4))
+        assert np.abs(found - root).min() < 1e-6 * abs(root)
+    plain = steady_sliding(mechanism, model, inputs=markers[0], sense=1.0)
+    calm = complex_modes(model, plain.coupling, damping=plain.damping).growth_rate
+    assert calm.max() <= 0.0  # of the level in motion alone; nothing damps the vertical mode
 
 
 FOOT, DRAG, PULL = 2e5, 6.0, 0.03
@@ -325,3 +352,19 @@ def test_quasi_static_mode_knows_no_speed() -> None:
     dry = PANEL.with_overrides({"chair.friction_state": "dry"})
     with pytest.raises(SolverError, match=r"no speed for friction that follows it; take"):
         simulate(dry, mode="quasi-static")
+
+
+def test_a_curve_that_falls_feeds_vibration_of_a_panel_and_grease_takes_it() -> None:
+    """Without the slope every one of these states is as calm as a constant coefficient."""
+    rates = []
+    for name in ("greased", "sound", "dry"):
+        panel = PANEL.with_overrides({"chair.friction_state": name})
+        found = friction_stability(panel, cutoff_frequency=50.0, follow_speed=True)
+        rates.append(found.worst.growth_rate)
+    assert 0.0 < rates[0] < 0.2  # a swing grows by a quarter in a movement at most
+    assert rates[1] > 3.0  # and by e in a third of a second
+    assert rates[2] > 10 * rates[1]
+    level = friction_stability(panel, cutoff_frequency=50.0)
+    assert level.stable
+    constant = friction_stability(PANEL, cutoff_frequency=50.0, follow_speed=True)
+    assert constant.cases == friction_stability(PANEL, cutoff_frequency=50.0).cases

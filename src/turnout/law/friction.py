@@ -309,6 +309,19 @@ class FrictionCourses(NamedTuple):
         """True if some coefficient depends on speed."""
         return self.excess.size > 0
 
+    def over_speed(self, speed: Floats) -> tuple[Floats, Floats]:
+        """Return coefficients over those in motion [-], and their slopes over speed [s/m].
+
+        Parameters
+        ----------
+        speed : ndarray, shape (n_frictions,)
+            Of feet, at least 0 [m/s].
+        """
+        v = np.minimum(speed, FASTEST)
+        share = 1.0 / (1.0 + self.fall * v**2)
+        slope = self.rise - 2.0 * self.excess * self.fall * v * share**2
+        return 1.0 + self.excess * share + self.rise * v, np.where(speed < FASTEST, slope, 0.0)
+
     def without_curves(self) -> "FrictionCourses":
         """Return the courses with the levels in motion alone."""
         nothing = np.zeros(0)

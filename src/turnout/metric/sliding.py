@@ -19,9 +19,16 @@ coefficient is constant (mode coupling, flutter). Source of the mechanism: Hoffm
 Allgaier and Gaul, Mechanics Research Communications 29(4), 2002, doi:10.1016/S0093-6413(02)00254-9,
 whose two-mass example these equations contain. Valid as long as no foot changes between open,
 sliding and sticking: this shows whether a vibration grows, not how large it becomes.
+
+Where friction follows the speed v of a foot, :math:`T = s \mu(v) N`, a swing about steady sliding
+adds :math:`\mu'(v) N \dot g_t`, a damper of negative sign where friction falls:
+
+.. math:: C \mapsto C + \Phi^T (I - D R)^{-1} \operatorname{diag}(\mu'(v) N)\, \Phi .
+
+The speed in the swing is that of the modes alone, as in the steps of `turnout.solver.obstruct`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +42,8 @@ Ints = NDArray[np.int64]
 Complexes = NDArray[np.complex128]
 
 ITERATIONS, ALL_AT_ONCE = 600, 40
+PASSES, LEVEL_TOLERANCE = 20, 1e-9
+"""Passes in which the speeds of feet and friction at them are sought, and when they end [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +62,8 @@ class Sliding:
         D: what the laws add to the linear system [N/m].
     settled : bool
         Whether every law agrees with the solution; if not, no steady sliding was found.
+    damping : ndarray, shape (n_rows,)
+        Slope of friction over the speed of each row, negative where it falls [N s/m].
     """
 
     segment: Ints
@@ -60,6 +71,7 @@ class Sliding:
     displacement: Floats
     coupling: Floats
     settled: bool
+    damping: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +112,7 @@ def steady_sliding(
     inputs: Floats,
     sense: float,
     friction_factor: float = 1.0,
+    rate: Floats | None = None,
 ) -> Sliding:
     """Find the state in which every foot that carries slides the same way.
 
@@ -116,7 +129,49 @@ def steady_sliding(
         without friction.
     friction_factor : float
         Multiplies every friction coefficient [-].
+    rate : ndarray, shape (n_inputs,), optional
+        Speeds of the markers, by which friction follows its curve over speed [m/s]; default its
+        level in motion.
     """
+    curves = mechanism.courses
+    level: Floats = np.ones(mechanism.laws.friction_row.size)
+    state = _sliding_at(mechanism, model, inputs, sense * friction_factor * level)
+    if rate is None or not curves.has_curves:
+        return state
+    for _ in range(PASSES):
+        weight = sense * friction_factor * level
+        speed = np.abs(_row_speeds(mechanism, model, state, rate, weight))
+        before = level
+        level, slope = curves.over_speed(speed[mechanism.laws.friction_row])
+        state = _sliding_at(mechanism, model, inputs, sense * friction_factor * level)
+        if np.allclose(level, before, rtol=0.0, atol=LEVEL_TOLERANCE):
+            break
+    laws, damping = mechanism.laws, np.zeros(model.row_load.size)
+    normal = np.maximum(state.force[laws.friction_normal], 0.0)
+    falls = friction_factor * laws.friction_coefficient * slope * normal
+    np.add.at(damping, laws.friction_row, abs(sense) * falls)
+    return replace(state, damping=damping)
+
+
+def _row_speeds(
+    mechanism: Mechanism, model: ModalModel, state: Sliding, rate: Floats, factor: Floats
+) -> Floats:
+    """Return the speeds of rows while the markers move on and no law changes its segment [m/s]."""
+    laws, rows = mechanism.laws, model.row_load.size
+    flexibility = (model.row_modes / model.eigenvalues) @ model.row_modes.T + model.flexibility
+    moving = np.where(laws.input_index >= 0, rate[laws.input_index], 0.0)
+    pushed = np.where(laws.waits == 0, laws.slope[laws.segment_start[:-1] + state.segment], 0.0)
+    pushed = pushed * moving
+    shift = np.zeros(rows)
+    np.add.at(shift, laws.row, pushed)
+    of_normal = factor * laws.friction_coefficient * pushed[laws.friction_normal]
+    np.add.at(shift, laws.friction_row, of_normal)
+    right: Floats = flexibility @ shift
+    return np.asarray(np.linalg.solve(np.eye(rows) - flexibility @ state.coupling, right))
+
+
+def _sliding_at(mechanism: Mechanism, model: ModalModel, inputs: Floats, factor: Floats) -> Sliding:
+    """Return the steady sliding whose coefficients are multiplied by factors with their sense."""
     laws, rows = mechanism.laws, model.row_load.size
     flexibility = (model.row_modes / model.eigenvalues) @ model.row_modes.T + model.flexibility
     unloaded = model.row_modes @ (model.load / model.eigenvalues) + model.row_load
@@ -124,7 +179,7 @@ def steady_sliding(
     driven = laws.input_index >= 0
     zero = laws.offset + np.where(driven, inputs[laws.input_index] if inputs.size else 0.0, 0.0)
     segment = np.where(laws.base_segment >= 0, laws.base_segment, _segments_at_zero(mechanism))
-    weight = sense * friction_factor * laws.friction_coefficient
+    weight = factor * laws.friction_coefficient
     settled = False
     for iteration in range(ITERATIONS):
         at = laws.segment_start[:-1] + segment
@@ -145,7 +200,7 @@ def steady_sliding(
         step = changed if iteration < ALL_AT_ONCE else changed[iteration % changed.size][None]
         segment[step] += np.sign(wanted[step] - segment[step])
     force: Floats = slope * g[laws.row] + constant
-    return Sliding(segment, force, g, coupling, settled)
+    return Sliding(segment, force, g, coupling, settled, np.zeros(rows))
 
 
 def law_coupling(
@@ -199,7 +254,13 @@ def stick_coupling(mechanism: Mechanism, state: Sliding) -> Floats:
     )
 
 
-def complex_modes(model: ModalModel, coupling: Floats, *, with_shapes: bool = True) -> ComplexModes:
+def complex_modes(
+    model: ModalModel,
+    coupling: Floats,
+    *,
+    damping: Floats | None = None,
+    with_shapes: bool = True,
+) -> ComplexModes:
     """Solve for the free motion of a condensed system with coupled laws.
 
     Parameters
@@ -209,6 +270,8 @@ def complex_modes(model: ModalModel, coupling: Floats, *, with_shapes: bool = Tr
         it, is not seen.
     coupling : ndarray, shape (n_rows, n_rows)
         D of the module's equations [N/m].
+    damping : ndarray, shape (n_rows,), optional
+        Slope of friction over the speed of each row [N s/m].
     with_shapes : bool
         Without shapes it takes a third of the time; `shapes` has no rows then.
 
@@ -222,14 +285,16 @@ def complex_modes(model: ModalModel, coupling: Floats, *, with_shapes: bool = Tr
     [0.02]
     """
     rows, size = model.row_load.size, model.eigenvalues.size
-    force = np.linalg.solve(np.eye(rows) - coupling @ model.flexibility, coupling @ model.row_modes)
-    stiffness = model.stiffness - model.row_modes.T @ force
+    given = np.zeros(rows) if damping is None else damping
+    pushed = np.hstack([coupling @ model.row_modes, given[:, np.newaxis] * model.row_modes])
+    force = np.linalg.solve(np.eye(rows) - coupling @ model.flexibility, pushed)
+    stiffness = model.stiffness - model.row_modes.T @ force[:, :size]
     # Scaled time makes both halves of the state alike in size.
     scale = float(np.sqrt(np.median(model.eigenvalues)))
     matrix = np.zeros((2 * size, 2 * size))
     matrix[:size, size:] = scale * np.eye(size)
     matrix[size:, :size] = -stiffness / scale
-    matrix[size:, size:] = -model.damping
+    matrix[size:, size:] = -(model.damping + model.row_modes.T @ force[:, size:])
     if with_shapes:
         values, vectors = np.linalg.eig(matrix)
     else:

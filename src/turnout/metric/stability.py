@@ -14,7 +14,13 @@ from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.metric.sliding import Floats, Sliding, complex_modes, steady_sliding
-from turnout.panel.markers import marker_level, marker_offsets, ordered_movements, start_level
+from turnout.panel.markers import (
+    marker_level,
+    marker_offsets,
+    movement_time,
+    ordered_movements,
+    start_level,
+)
 from turnout.panel.model import Panel
 from turnout.solver.condense import condense
 from turnout.solver.modal import ModalModel
@@ -112,7 +118,11 @@ class FrictionStability:
 
 
 def friction_stability(
-    panel: Panel, *, friction_factor: float = 1.0, cutoff_frequency: float = float("inf")
+    panel: Panel,
+    *,
+    friction_factor: float = 1.0,
+    cutoff_frequency: float = float("inf"),
+    follow_speed: bool = False,
 ) -> FrictionStability:
     """Look for flutter of a panel in motion by complex modes.
 
@@ -126,6 +136,9 @@ def friction_stability(
         Places where no mode grows without those above it are not evaluated with all modes, which
         takes six times as long; all modes by default. With a cut-off growth rates of slow modes
         come out too large, since the damping of what is left out is missing [Hz].
+    follow_speed : bool
+        Whether friction follows its curve over speed, at the mean speed of the movement: where it
+        falls it feeds vibration. Default its level in motion alone, so flutter.
 
     Returns
     -------
@@ -154,12 +167,13 @@ def friction_stability(
         places = list(sliding_places(panel))
         quick = condense(mechanism, cutoff_frequency=cutoff_frequency)
         known: dict[bytes, Worst] = {}
-        cases = [_case(mechanism, quick, place, friction_factor, known) for place in places]
+        way = _Way(friction_factor, follow_speed)
+        cases = [_case(mechanism, quick, place, way, known) for place in places]
         if np.isfinite(cutoff_frequency) and not all(map(_decays, cases)):
             whole, known = condense(mechanism, cutoff_frequency=float("inf")), {}
             for number, place in enumerate(places):
                 if not _decays(cases[number]):
-                    cases[number] = _case(mechanism, whole, place, friction_factor, known)
+                    cases[number] = _case(mechanism, whole, place, way, known)
     cutoff = panel.discretisation.superelement_cutoff
     return FrictionStability(friction_factor, tuple(cases), cutoff)
 
@@ -170,13 +184,22 @@ def _decays(case: SlidingCase) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlidingPlace:
-    """Positions of the markers, and the direction in which the rails slide."""
+    """Positions and mean speeds of the markers, and the direction in which the rails slide."""
 
     movement: str
     to: str
     share: float
     inputs: Floats
     sense: float
+    rate: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """Factor on friction, and whether it follows speed."""
+
+    friction_factor: float
+    follow_speed: bool
 
 
 def sliding_places(panel: Panel, *, shares: tuple[float, ...] = SHARES) -> Iterator[SlidingPlace]:
@@ -187,37 +210,33 @@ def sliding_places(panel: Panel, *, shares: tuple[float, ...] = SHARES) -> Itera
         target = np.array(
             [marker_level(drive, movement.to, starts=panel.schedule.starts) for drive in drives]
         )
+        times = np.array([movement_time(movement, drive) for drive in panel.drive])
         for share in shares:
             inputs = level + share * (target - level) + marker_offsets(panel)
-            yield SlidingPlace(name, movement.to, share, inputs, SENSE[movement.to])
+            rate = (target - level) / times
+            yield SlidingPlace(name, movement.to, share, inputs, SENSE[movement.to], rate)
         level = target
-
-
-def slide_at(
-    mechanism: Mechanism, model: ModalModel, place: SlidingPlace, *, friction_factor: float
-) -> Sliding:
-    """Return the steady sliding of a mechanism at a place of a movement."""
-    return steady_sliding(
-        mechanism,
-        model,
-        inputs=place.inputs,
-        sense=place.sense,
-        friction_factor=friction_factor,
-    )
 
 
 def _case(
     mechanism: Mechanism,
     model: ModalModel,
     place: SlidingPlace,
-    friction_factor: float,
+    way: _Way,
     known: dict[bytes, Worst],
 ) -> SlidingCase:
     """Return the least stable mode at a place; places with the same contacts share it."""
-    state = slide_at(mechanism, model, place, friction_factor=friction_factor)
+    state = steady_sliding(
+        mechanism,
+        model,
+        inputs=place.inputs,
+        sense=place.sense,
+        friction_factor=way.friction_factor,
+        rate=place.rate if way.follow_speed else None,
+    )
     worst: Worst = (float("nan"), float("nan"), float("nan"))
     if state.settled:
-        key = state.coupling.tobytes()
+        key = state.coupling.tobytes() + state.damping.tobytes()
         if key not in known:
             known[key] = _worst(model, state)
         worst = known[key]
@@ -226,7 +245,7 @@ def _case(
 
 def _worst(model: ModalModel, state: Sliding) -> Worst:
     """Return frequency [Hz], damping ratio and growth rate [1/s] of the least stable mode."""
-    modes = complex_modes(model, state.coupling, with_shapes=False)
+    modes = complex_modes(model, state.coupling, damping=state.damping, with_shapes=False)
     at = int(np.argmax(modes.growth_rate))
     return (
         float(modes.frequencies[at]),
