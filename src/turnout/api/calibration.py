@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from turnout.api.campaign import Campaign, checked_panel, dataset_of, throw_store_of
+from turnout.calibration.advice import stated_shares
 from turnout.calibration.calibrate import calibrate as fit_stages
 from turnout.calibration.requirements import check_provenance
 from turnout.calibration.result import Calibration
@@ -175,6 +176,7 @@ def calibrate(
     advise: bool = False,
     causes: bool = True,
     limit: float | None = None,
+    panel_uncertainty: Sequence[str] = (),
     workers: int = 1,
     report: Callable[[CalibrationProgress], None] | None = None,
 ) -> CalibrationResult:
@@ -203,6 +205,8 @@ def calibrate(
         Whether to look for causes of what the panel alone does not follow.
     limit : float, optional
         Time after which what is known is given, marked as not trusted [s]; default none.
+    panel_uncertainty : sequence of str
+        Standard uncertainties of the panel that intervals hold too, such as "material.density=3 %".
     workers : int
         Processes that simulate at the same time, at least 1.
     report : callable, optional
@@ -241,6 +245,7 @@ def calibrate(
         advise=advise,
         causes=causes,
         limit=float("inf") if limit is None else limit,
+        panel_shares=stated_shares(panel_uncertainty),
         report=report,
     )
     return CalibrationResult(

@@ -1,6 +1,7 @@
 """Systematic errors that the parameters of a fit would absorb, and the next movement to measure."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from turnout.calibration.covariance import (
     Spread,
     force_channels,
+    moves_by,
     plain_gain_column,
 )
 from turnout.calibration.fit import Fit
@@ -22,7 +24,12 @@ from turnout.calibration.measured_movements import (
 )
 from turnout.calibration.misfit import Frame, Misfit, framed, plain_jacobian
 from turnout.calibration.objects import is_of_object
-from turnout.calibration.parameter import free_parameter, prior_information, prior_slopes
+from turnout.calibration.parameter import (
+    Parameter,
+    free_parameter,
+    prior_information,
+    prior_slopes,
+)
 from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor
 from turnout.calibration.shared import GAIN, shared_of
@@ -44,6 +51,9 @@ WORTH = 0.1
 # Smaller changes of a value are not printed [-].
 LEAST_PRINTED = 1e-5
 SIZES = (0.013, 0.026)
+# An uncertainty of a panel that is stated, and moves of values by it that are said [-].
+SHARE_TEXT = re.compile(r"(?P<key>[^=\s]+)\s*=\s*(?P<share>\d+(\.\d+)?)\s*%")
+SAID = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +96,8 @@ def systematic_errors(found: Fit) -> list[str]:
     list of str
         A sentence each.
     """
-    columns = {f"{100 * SHARE:g} % more weight of the rails": _weight_column(found)}
+    heavier = panel_column(found, WEIGHT, SHARE)
+    columns = {f"{100 * SHARE:g} % more weight of the rails": heavier}
     for key in force_channels(found):
         name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
         columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * plain_gain_column(
@@ -155,18 +166,106 @@ def _taken_up(found: Fit, rest: Floats) -> str:
     return ", ".join(taken)
 
 
-def _weight_column(found: Fit) -> Floats:
-    """Return the change of each movement's whitened residuals with an error of the weight."""
+def panel_column(found: Fit, key: str, share: float) -> Floats:
+    """Return the change of the residuals with an error of the panel, whitened movement by movement.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    key : str
+        Of the panel, with a positive number, not fitted.
+    share : float
+        How much more it is in truth, as a share of the panel's value [-].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Half the difference of throws with so much more and so much less.
+
+    Raises
+    ------
+    SolverError
+        When a throw with it cannot be simulated.
+    """
     misfit = found.misfit
-    weight = free_parameter(misfit.evaluator.panel, WEIGHT)
+    item = free_parameter(misfit.evaluator.panel, key)
     wider = replace(
         misfit,
-        parameters=(*misfit.parameters, weight),
-        base={**misfit.base, WEIGHT: weight.start},
+        parameters=(*misfit.parameters, item),
+        base={**misfit.base, **found.values, key: item.start},
     )
-    local = wider.local({**found.values, WEIGHT: weight.start}, (WEIGHT,))
-    # The truth being heavier moves measured less simulated the other way.
-    return -SHARE * plain_jacobian(local, found.frame, (WEIGHT,))[:, 0]
+    sides = [{key: item.start * (1.0 + side * share)} for side in (-1.0, 1.0)]
+    rows = []
+    pairs = zip(found.frame.alignments, *wider.responses(sides), strict=True)
+    for alignment, less, more in pairs:
+        if less.failure or more.failure:
+            message = (
+                f"{key} ± {100 * share:g} %: {alignment.movement.text} cannot be simulated: "
+                f"{less.failure or more.failure}; state less"
+            )
+            raise SolverError(message)
+        change = alignment.predicted(more) - alignment.predicted(less)
+        rows.append(alignment.whitened(0.5 * change))
+    return np.concatenate(rows)
+
+
+def stated_shares(texts: Sequence[str]) -> dict[str, float]:
+    """Return uncertainties of a panel's keys from texts such as "gravity=2 %", as shares [-].
+
+    Raises
+    ------
+    PanelError
+        For texts of another form; with all problems.
+
+    Examples
+    --------
+    >>> stated_shares(["material.density=3 %"])
+    {'material.density': 0.03}
+    """
+    found, problems = dict[str, float](), []
+    for text in texts:
+        match = SHARE_TEXT.fullmatch(text.strip())
+        share = 0.01 * float(match["share"]) if match else 0.0
+        if match is None or not 0.0 < share < 1.0:
+            problems.append(f"{text}: must be KEY=SHARE with a share from 0 to 100 %, as 'x=5 %'")
+            continue
+        found[match["key"]] = share
+    if problems:
+        raise PanelError(problems, source="panel uncertainty")
+    return found
+
+
+def check_shares(
+    shares: Mapping[str, float], panel: LoadedPanel, parameters: Sequence[Parameter]
+) -> None:
+    """Refuse uncertainties of what is no positive number of a panel, or is fitted itself."""
+    fitted = {key for item in parameters if item.vary for key in item.keys}
+    problems = [f"{key}: is fitted itself; leave it out" for key in shares if key in fitted]
+    for key in shares:
+        try:
+            free_parameter(panel, key)
+        except PanelError as error:
+            problems += error.problems
+    if problems:
+        raise PanelError(problems, source="panel uncertainty")
+
+
+def panel_lines(
+    found: Fit, columns: Mapping[str, Floats], shares: Mapping[str, float]
+) -> list[str]:
+    """Say by how much stated uncertainties of a panel make the values uncertain."""
+    lines = []
+    for key, column in columns.items():
+        moves = {
+            item.name: abs(move * item.slope(found.values[item.name]) / found.values[item.name])
+            for item, move in zip(found.parameters, moves_by(found, column), strict=True)
+            if found.values[item.name] and not is_of_object(item)
+        }
+        parts = [f"{name} by {100 * size:.2g} %" for name, size in moves.items() if size > SAID]
+        said = ", ".join(parts) or f"no value by more than {100 * SAID:g} %"
+        lines.append(f"{key} known to ± {100 * shares[key]:g} %: moves {said}")
+    return lines
 
 
 def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candidate]:

@@ -9,7 +9,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.advice import next_lines, next_movements, systematic_errors
+from turnout.calibration.advice import (
+    check_shares,
+    next_lines,
+    next_movements,
+    panel_column,
+    panel_lines,
+    systematic_errors,
+)
 from turnout.calibration.causes import (
     CLEARLY,
     CauseSearch,
@@ -101,6 +108,7 @@ Floats = NDArray[np.float64]
 LONG_LEAD = 0.08
 # What a record says of the scheme where a fit came to its fine throws.
 CTRL_C = "Ctrl-C"
+GIVEN_BUT = "the panel as stated, but for {}"
 TOO_SHORT = "{:g} s were over before the first fit was done; give more seconds"
 REFINED = "; at its end with half the step and mesh, and modes to four times the frequency"
 
@@ -146,6 +154,7 @@ def calibrate(
     advise: bool = False,
     causes: bool = True,
     limit: float = float("inf"),
+    panel_shares: Mapping[str, float] | None = None,
     report: Callable[[CalibrationProgress], None] | None = None,
 ) -> CalibrationOutcome:
     """Calibrate a panel to a campaign, stage by stage.
@@ -174,6 +183,9 @@ def calibrate(
         Whether to look for causes of what the panel alone does not follow.
     limit : float
         Time after which what was found by then is given [s].
+    panel_shares : mapping of str to float, optional
+        Standard uncertainty of numbers of the panel that are not fitted, as shares [-]: intervals
+        hold it too.
     report : callable, optional
         Called after each throw.
 
@@ -193,6 +205,7 @@ def calibrate(
         When a throw cannot be simulated.
     """
     plan, scheme = plan or default_plan(panel), scheme or Scheme()
+    check_shares(panel_shares or {}, panel, plan.parameters)
     movements, oversized = exclude_oversized_objects(
         observe(dataset, panel, exclude=exclude), panel
     )
@@ -220,9 +233,19 @@ def calibrate(
         if not run.ended:
             final, slip_warnings = drop_unidentified_slip_levels(final)
             warnings += slip_warnings
-        calibration, spread = _record(
-            run, final, search, dataset, warnings=[*oversized, *warnings, *rods]
+        shares = {} if run.ended else panel_shares or {}
+        columns = {key: panel_column(final, key, share) for key, share in shares.items()}
+        spread = spread_of(final, of_panel=list(columns.values()))
+        calibration = _record(
+            run, final, search, dataset, spread, warnings=[*oversized, *warnings, *rods]
         )
+        if shares:
+            told = ", ".join(f"{key} ± {100 * share:g} %" for key, share in shares.items())
+            calibration = replace(
+                calibration,
+                findings=(*calibration.findings, *panel_lines(final, columns, shares)),
+                about={**calibration.about, "given": GIVEN_BUT.format(told)},
+            )
         if advise and not run.ended:
             watch.begin_advice(final, evaluator)
             lines = _advice(final, without_objects(final, spread), panel)
@@ -242,11 +265,12 @@ def _record(
     final: Fit,
     search: CauseSearch | None,
     dataset: xr.Dataset,
+    spread: Spread,
     *,
     warnings: Sequence[str],
-) -> tuple[Calibration, Spread]:
-    """Return the record of a fit, without stages, and the spread of all its unknowns."""
-    sensors, spread = found_sensors(final), spread_of(final)
+) -> Calibration:
+    """Return the record of a fit with the spread of all its unknowns, without stages."""
+    sensors = found_sensors(final)
     objects = fitted_objects(final, spread)
     fitted = tuple(item.name for item, _ in search.taken) if search else ()
     order = [str(name) for name in dataset["movement"].values]
@@ -257,7 +281,7 @@ def _record(
         *(item.warning for item in sensors if item.leaves),
     ]
     of = (run.plan, run.panel, dataset, run.movements)
-    calibration = replace(
+    return replace(
         _result(*without_objects(final, spread), of=of, scheme=run.evaluator.scheme),
         distrust=(*ended_reasons(run.ended), *_distrust(final, spread, fitted)),
         warnings=tuple(dict.fromkeys(said)),
@@ -272,7 +296,6 @@ def _record(
         chain={item.key: (item.value, item.deviation) for item in sensors},
         effects=movement_rows(final),
     )
-    return calibration, spread
 
 
 def _comparison(

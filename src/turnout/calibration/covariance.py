@@ -127,13 +127,31 @@ def _measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]
     return np.zeros(bins.size)
 
 
-def spread_of(found: Fit) -> Spread:
+def moves_by(found: Fit, column: Floats) -> Floats:
+    """Return the move of all coordinates by an error, from its change of the residuals.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    column : ndarray, shape (n,)
+        Whitened movement by movement alone.
+    """
+    J = found.jacobian
+    normal = J.T @ J + np.diag(prior_information(found.parameters))
+    return np.asarray(np.linalg.solve(normal, -J.T @ found.frame.joined(column)))
+
+
+def spread_of(found: Fit, *, of_panel: Sequence[Floats] = ()) -> Spread:
     """Return the covariance of a fit from its sensitivities.
 
     Parameters
     ----------
     found : Fit
         At its end.
+    of_panel : sequence of ndarray, shape (n,)
+        Change of the residuals, whitened movement by movement alone, with one deviation of each
+        number of the panel whose uncertainty is stated.
 
     Returns
     -------
@@ -146,7 +164,7 @@ def spread_of(found: Fit) -> Spread:
     whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     estimate = whole @ slopes.T
     whole = whole + _of_sensitivities(found, estimate)
-    for column in solver_columns(found):
+    for column in (*solver_columns(found), *of_panel):
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
     scale_move = _of_scale(found)

@@ -68,6 +68,11 @@ def calibrate_command(
     limit: float | None = option(
         "--limit SECONDS", "Give what is known after this time. Default: no limit.", min=1.0
     ),
+    panel_uncertainty: list[str] = option(
+        "--panel-uncertainty KEY=SHARE",
+        "Intervals hold this uncertainty of the panel: 'material.density=3 %'. Repeat.",
+        default=[],
+    ),
     strict: bool = option("--strict", "Exit code 1 if the result is not trustworthy."),
     allow_outside: OutsideOption = False,
     workers: int = option("--workers N", "Processes.", default=2, min=1),
@@ -85,8 +90,10 @@ def calibrate_command(
     if figures is not None:
         made_folder("--figures", figures)
     loaded = PanelOptions(panel, settings).opened()
+    from turnout.calibration.advice import stated_shares
     from turnout.calibration.stages import default_plan
 
+    shares = stated_shares(panel_uncertainty)
     plan = default_plan(loaded, free=free, fixed=fix, most=most)
     from turnout.calibration.evaluate import throw_processes
 
@@ -107,6 +114,7 @@ def calibrate_command(
             advise=advise,
             causes=causes != "none",
             limit=float("inf") if limit is None else limit,
+            panel_shares=shares,
             report=None if quiet else _Said(log),
         )
     from turnout.calibration.fitted_file import save_signals, signals_path
@@ -199,7 +207,7 @@ def trust_lines(calibration: "Calibration") -> list[str]:
         return [
             f"{'verdict':<12}the model follows the measurement{how}; check it with `turnout "
             "validate`",
-            f"{'given':<12}{GIVEN}",
+            f"{'given':<12}{calibration.about.get('given', GIVEN)}",
         ]
     return [
         f"{'verdict':<12}NOT TRUSTWORTHY",
