@@ -16,7 +16,7 @@ from turnout.core.keys import origin_at
 from turnout.figures.machine import plot_machine
 from turnout.machine.components import MACHINE_KEYS, Command
 from turnout.machine.compute import places
-from turnout.machine.compute.rail import rod_position
+from turnout.machine.compute.machine_step import rod_position
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
 from turnout.machine.motor_kind import MOTOR_KINDS, Motor, PermanentMagnet
 from turnout.machine.rows import angle_at, machine_row, stroke_table

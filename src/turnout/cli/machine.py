@@ -362,12 +362,19 @@ def fit_command(
     problems: list[str] = []
     saturated = None if series_motor is None or series_motor.strip() == "none" else series_motor
     saturation = _positive(saturated, problems, "--series-motor", CURRENT)
-    idles = dict(_pairs("--idle", idle, CURRENT, problems, spread=False))
-    gauges = dict(_pairs("--clutch-force", clutch_force, FORCE, problems))
     series = series_motor is not None
-    ranges = dict(_ranges(sister, problems, series=series))
-    bare = [text.partition(" to ")[0] for text in sister]
-    sisters = dict(_pairs("--sister", bare, CURRENT_PER_FORCE, problems))
+    idles = _of_drives("--idle", idle, {"idle": CURRENT}, problems)
+    known = {"force": FORCE, "deviation": FORCE}
+    gauges = _of_drives("--clutch-force", clutch_force, known, problems)
+    known = {"slope": CURRENT_PER_FORCE, "spread": CURRENT_PER_FORCE}
+    known |= {"reference": FORCE, "idle": CURRENT}
+    sisters = _of_drives("--sister", sister, known, problems)
+    problems += [
+        f"--sister drive {name}: the current of a series motor does not rise straight; add the "
+        "force up to which the rise was taken, such as ' to 4 kN'"
+        for name, given in sisters.items()
+        if series and "reference" not in given
+    ]
     for name in {*gauges, *sisters} - set(idles):
         problems.append(
             f"drive {name} has an anchor but no --idle {name}='...': the current with the rod off"
@@ -400,9 +407,9 @@ def fit_command(
         dataset,
         kind="series" if series else "linear",
         saturation_current=saturation,
-        idle={name: value for name, (value, _) in idles.items()},
-        gauges={n: Gauge(force=value, deviation=d) for n, (value, d) in gauges.items()},
-        sisters={n: Sister(slope=v, spread=d, **ranges[n]) for n, (v, d) in sisters.items()},
+        idle={name: given["idle"] for name, given in idles.items()},
+        gauges={name: Gauge(**given) for name, given in gauges.items()},
+        sisters={name: Sister(**given) for name, given in sisters.items()},
     )
     output.show(*fit_lines(fit))
     output.json(fit_record, fit, units=FIT_UNITS)
@@ -424,56 +431,41 @@ def _positive(text: str | None, problems: list[str], option: str, dimension: "Di
     return found
 
 
-def _pairs(
-    option: str,
-    texts: Sequence[str],
-    dimension: "Dimension",
-    problems: list[str],
-    *,
-    spread: bool = True,
-) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield drive, value and deviation of an option; collect its faults."""
+SIGNS = {"deviation": "+-", "spread": "+-", "reference": " to ", "idle": " from "}
+"""Between the quantities of a drive, before each but the first."""
+
+
+def _of_drives(
+    option: str, texts: Sequence[str], known: Mapping[str, "Dimension"], problems: list[str]
+) -> dict[str, dict[str, float]]:
+    """Return the quantities of an option by drive and name; collect its faults.
+
+    `known` has the dimensions of its quantities; the first, and deviation and spread, must be
+    given.
+    """
     from turnout.core.units import parse_quantity
 
-    form = f"DRIVE='{dimension.example}{' +- ...' if spread else ''}'"
+    (first, dimension), *later = known.items()
+    needed = [name for name, _ in later if SIGNS[name] == "+-"]
+    found: dict[str, dict[str, float]] = {}
     for text in texts:
-        name, equals, rest = text.partition("=")
-        value, plus_minus, deviation = rest.replace("±", "+-").partition("+-")
-        if not (equals and name.strip()) or bool(plus_minus) != spread:
-            problems.append(f'{option} "{text}": must be {form}, with unit and standard deviation')
+        drive, _, rest = text.replace("±", "+-").partition("=")
+        parts = dict[str, str]()
+        for name, _ in reversed(later):
+            rest, sign, part = rest.partition(SIGNS[name])
+            parts |= {name: part} if sign else {}
+        parts[first] = rest
+        if not drive.strip() or not rest.strip() or not parts.keys() >= {*needed}:
+            form = f"DRIVE='{dimension.example}{' +- ...' if needed else ''}'"
+            problems.append(f'{option} "{text}": must be {form}, with unit and deviation')
             continue
         try:
-            number = parse_quantity(value.strip(), dimension)
-            width = parse_quantity(deviation.strip(), dimension) if spread else 0.0
+            found[drive.strip()] = {
+                name: parse_quantity(part.strip(), known[name]) for name, part in parts.items()
+            }
         except ValueError as error:
             problems.append(f'{option} "{text}": {error}')
-            continue
-        yield name.strip(), (number, width)
-
-
-def _ranges(
-    texts: Sequence[str], problems: list[str], *, series: bool
-) -> Iterator[tuple[str, dict[str, float]]]:
-    """Yield of each sister the force up to which its rise was taken, and its idle current."""
-    from turnout.core.units import CURRENT, FORCE, parse_quantity
-
-    for text in texts:
-        head, to, rest = text.partition(" to ")
-        force, from_word, current = rest.partition(" from ")
-        given = {}
-        if series and not to:
-            problems.append(
-                f'--sister "{text}": the current of a series motor does not rise straight; add the '
-                "force up to which the rise was taken, such as ' to 4 kN'"
-            )
-        try:
-            if to:
-                given["reference"] = parse_quantity(force.strip(), FORCE)
-            if from_word:
-                given["idle"] = parse_quantity(current.strip(), CURRENT)
-        except ValueError as error:
-            problems.append(f'--sister "{text}": {error}')
-        yield head.partition("=")[0].strip(), given
+    return found
 
 
 def fit_record(fit: "MachineFit") -> dict[str, Any]:

@@ -204,6 +204,3 @@ def load_machines(
         file.data, source=file.source, origins=origins, problems=[], heading=file.source
     )
     return loaded.with_overrides(overrides) if overrides else loaded
-
-
-__all__ = ["LoadedMachines", "load_machines", "machine_names", "machine_text"]

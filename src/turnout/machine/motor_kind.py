@@ -8,7 +8,7 @@ words, and what of a machine means nothing to it.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from turnout.core.quantity import (
 )
 from turnout.core.units import SI
 from turnout.machine.compute import places as at
-from turnout.machine.compute.induction import gamma_impedance
+from turnout.machine.compute.induction import gamma_energy, gamma_impedance
 
 Floats = NDArray[np.float64]
 
@@ -52,6 +52,8 @@ def _whole(value: object) -> object:
     return int(value) if isinstance(value, SI) and float(value).is_integer() else value
 
 
+IN_SI = {"si": True}
+"""Context of records that are made of numbers in SI."""
 MOTOR_KINDS: dict[str, "MotorKind"] = {}
 """Kinds of motors by their name, see the end of this file."""
 
@@ -466,20 +468,11 @@ class Induction(MotorKind):
         return line_power(constants, states)[:2]
 
     def field_energies(self, constants: Floats, states: Floats) -> Floats:
-        """Return the energy in the field of an induction motor, shape (n,) [J].
-
-        0.75 (|psi_s|^2/L_s + |psi_r - psi_s|^2/L_l); 0 of the steady circuit, which stores nothing.
-        """
+        """Return the energy in the field of an induction motor, shape (n,) [J]."""
         if constants[at.STEADY_CIRCUIT] > 0.0:
             return np.zeros(states.shape[0])
-        along = states[:, [at.STATOR_FLUX, at.ROTOR_FLUX]]
-        across = states[:, [at.STATOR_FLUX_ACROSS, at.ROTOR_FLUX_ACROSS]]
-        stator = along[:, 0] ** 2 + across[:, 0] ** 2
-        leak = (along[:, 1] - along[:, 0]) ** 2 + (across[:, 1] - across[:, 0]) ** 2
-        return np.asarray(
-            0.75
-            * (stator / constants[at.STATOR_INDUCTANCE] + leak / constants[at.LEAKAGE_INDUCTANCE])
-        )
+        fluxes = (at.STATOR_FLUX, at.STATOR_FLUX_ACROSS, at.ROTOR_FLUX, at.ROTOR_FLUX_ACROSS)
+        return np.asarray(gamma_energy(constants, *(states[:, place] for place in fluxes)))
 
 
 MOTOR_KINDS |= {
@@ -509,26 +502,19 @@ def breakdown_point(
 
     Notes
     -----
-    By the source that the rotor's R_r/s sees, with line and iron loss in U and R_s:
+    By the source that the rotor's R_r/s sees, with line and iron loss in R_s:
 
-    .. math:: s_b = R_r/|Z|,\quad Z = jX_l + \frac{jX_sR_s}{R_s+jX_s},\quad
-              T_b = \frac{3 n_p U^2}{2\omega (|Z| + \mathrm{Re} Z)}
-
-    with U the rms voltage at the open rotor side of the stator's divider.
+    .. math:: s_b = R_r/|Z|,\quad Z = jX_l + \frac{jX_sR_s}{R_s+jX_s}
     """
-    assert motor.frequency is not None  # noqa: S101 - of an induction motor
-    assert motor.stator_inductance is not None  # noqa: S101
-    assert motor.leakage_inductance is not None  # noqa: S101
-    assert motor.rotor_resistance is not None  # noqa: S101
-    speed, factor = 2.0 * math.pi * motor.frequency, copper_factor(motor)
+    speed, factor = 2.0 * math.pi * (motor.frequency or 0.0), copper_factor(motor)
     iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
-    share = 1.0 / (1.0 + line * iron)
-    main, r_s = 1j * speed * motor.stator_inductance, motor.resistance * factor + line * share
-    source = share * (voltage or motor.voltage) / math.sqrt(3.0)
-    open_voltage = source * abs(main / (r_s + main))
-    z = 1j * speed * motor.leakage_inductance + r_s * main / (r_s + main)
-    torque = 3.0 * (motor.pole_pairs or 1) * open_voltage**2 / (2.0 * speed * (abs(z) + z.real))
-    return motor.rotor_resistance * factor / abs(z), torque
+    r_s = motor.resistance * factor + line / (1.0 + line * iron)
+    main = 1j * speed * (motor.stator_inductance or 0.0)
+    z = 1j * speed * (motor.leakage_inductance or 0.0) + r_s * main / (r_s + main)
+    slip = (motor.rotor_resistance or 0.0) * factor / abs(z)
+    supply = Supply.model_validate({"voltage": voltage, "line_resistance": line}, context=IN_SI)
+    at_slip = (1.0 - slip) * speed / (motor.pole_pairs or 1)
+    return slip, gamma_point(motor, supply, at_slip)[0]
 
 
 def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, SteadyPoint]:
@@ -550,12 +536,12 @@ def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, Stea
     )
     iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
     whole = line + stator / (1.0 + stator * iron)
-    voltage = nominal_voltage(motor, supply) / math.sqrt(3.0)
-    current = voltage / whole
-    through = (voltage - line * current) / stator
+    phase = nominal_voltage(motor, supply) / math.sqrt(3.0)
+    current = phase / whole
+    through = (phase - line * current) / stator
     torque = 3.0 * pairs * abs(through / per_flux) ** 2 * per_flux.imag
-    power = 3.0 * voltage * current.real
-    return torque, SteadyPoint(abs(current), speed, power, 3.0 * voltage * abs(current))
+    power = 3.0 * phase * current.real
+    return torque, SteadyPoint(abs(current), speed, power, 3.0 * phase * abs(current))
 
 
 def line_power(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
@@ -606,12 +592,11 @@ def _two_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floa
     """
     supply, iron = constants[at.SUPPLY_SPEED], constants[at.IRON_CONDUCTANCE]
     turned = constants[at.POLE_PAIRS] * states[:, at.DIRECTION] * states[:, at.SPEED]
-    whole = np.full(turned.shape, 2.0 * constants[at.LINE_RESISTANCE], dtype=np.complex128)
     resistances = constants[at.RESISTANCE], constants[at.ROTOR_RESISTANCE]
     inductances = constants[at.STATOR_INDUCTANCE], constants[at.LEAKAGE_INDUCTANCE]
-    for slip_speed in (supply - turned, supply + turned):
-        _, own, _ = gamma_impedance(supply, slip_speed, resistances, inductances)
-        whole += own / (1.0 + own * iron)
+    slips: Any = np.array([supply - turned, supply + turned])
+    own = np.asarray(gamma_impedance(supply, slips, resistances, inductances)[1])
+    whole = 2.0 * constants[at.LINE_RESISTANCE] + (own / (1.0 + own * iron)).sum(axis=0)
     line_to_line = math.sqrt(1.5) * constants[at.PHASE_VOLTAGE]
     current = np.where(_is_on(states), line_to_line / np.abs(whole), 0.0)
     return whole.real * current**2, line_to_line * current, current

@@ -11,8 +11,7 @@ from turnout.machine.components import Command, Machine, Stroke
 from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import kinetic_level, switch_off
 from turnout.machine.compute.couple import Room
-from turnout.machine.compute.machine_step import WORK_ROWS
-from turnout.machine.compute.rail import rod_position
+from turnout.machine.compute.machine_step import WORK_ROWS, rod_position
 from turnout.machine.motor_kind import copper_factor, line_resistance, nominal_voltage
 
 

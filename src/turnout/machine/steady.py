@@ -37,7 +37,7 @@ def shaft_travel(machine: Machine) -> float:
     """Return the rod's travel per shaft angle in mid-stroke [m/rad]."""
     if machine.stroke.kind == "screw":
         return 1.0 / (machine.stroke.ratio or math.inf)
-    from turnout.machine.compute.rail import rod_position
+    from turnout.machine.compute.machine_step import rod_position
     from turnout.machine.rows import machine_row, stroke_table
 
     middle = 0.5 * (machine.stroke.angle or 0.0)

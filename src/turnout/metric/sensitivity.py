@@ -239,16 +239,24 @@ def main_effect(inputs: xr.DataArray, output: Floats) -> Effect:
     return Effect(name=str(inputs.name), units=units, levels=levels, mean=mean, confidence=half)
 
 
+def value_classes(
+    values: NDArray[np.generic], *, most: int
+) -> tuple[NDArray[np.int64], NDArray[np.generic]] | None:
+    """Return the class of each text or number, and what each class has; None for more numbers."""
+    if values.dtype.kind not in "fiu":
+        names = dict.fromkeys(values.astype(str).tolist())
+        numbers = dict(zip(names, range(len(names)), strict=True))
+        return np.array([numbers[text] for text in values.astype(str).tolist()]), np.array([*names])
+    known = np.unique(values)
+    return (np.searchsorted(known, values), known) if known.size <= most else None
+
+
 def _classes(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], tuple[float | str, ...]]:
     """Return the class of each value, and the representative of each class."""
-    if values.dtype.kind not in "fiu":
-        texts = values.astype(str)
-        names = tuple(dict.fromkeys(str(text) for text in texts))
-        return np.array([names.index(str(text)) for text in texts]), names
+    found = value_classes(values, most=MOST_LEVELS)
+    if found is not None:
+        return found[0], tuple(found[1].tolist())
     numbers = values.astype(np.float64)
-    known = np.unique(numbers)
-    if known.size <= MOST_LEVELS:
-        return np.searchsorted(known, numbers), tuple(known.tolist())
     count = int(np.clip(numbers.size // PER_CLASS, FEWEST_CLASSES, MOST_CLASSES))
     edges = np.quantile(numbers, np.linspace(0.0, 1.0, count + 1))[1:-1]
     classes = np.searchsorted(edges, numbers, side="right")

@@ -5,6 +5,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import ResponseError
+from turnout.metric.sensitivity import value_classes
 from turnout.throw.verdict import KINDS
 
 STATES = (*KINDS, "failed", "not thrown")
@@ -129,16 +130,9 @@ def sweep_map(
 def _classes(values: xr.DataArray) -> tuple[NDArray[np.int64], NDArray[np.generic]]:
     """Return the class of each scenario, and the representative of each class."""
     items = values.to_numpy()
-    if items.dtype.kind not in "fiu":
-        texts = items.astype(str)
-        _, first = np.unique(texts, return_index=True)
-        names = texts[np.sort(first)]
-        order = {str(name): number for number, name in enumerate(names)}
-        return np.array([order[str(text)] for text in texts]), names
-    known = np.unique(items)
-    if known.size <= MOST_VALUES:
-        return np.searchsorted(known, items), known
-    edges = np.linspace(known[0], known[-1], CLASSES + 1)
+    if (alike := value_classes(items, most=MOST_VALUES)) is not None:
+        return alike
+    edges = np.linspace(items.min(), items.max(), CLASSES + 1)
     found = np.clip(np.searchsorted(edges, items, side="right") - 1, 0, CLASSES - 1)
     return found, 0.5 * (edges[1:] + edges[:-1])
 

@@ -6,6 +6,7 @@ thick as the gap limit is thrown on, and the least size from which lock is refus
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -208,27 +209,22 @@ def _bisected(
 ) -> PieceLimit:
     count = round(LARGEST_PIECE_RATIO * panel.gap_limits()[drive] / RESOLUTION)
     throws = 1 + math.ceil(math.log2(count))
+    tried: dict[int, PieceResult] = {}
+
+    def refused(steps: int) -> bool:
+        """Return whether a piece of so many steps of the resolution is."""
+        if report is not None and tried:
+            report(len(tried), throws)
+        found = tried[steps] = check_piece(panel, drive, size=steps * RESOLUTION)
+        if found.fault:
+            raise PanelError([found.fault])
+        return found.seen
+
     largest = count * RESOLUTION
-    locks, refuses = 0, count  # in steps of the resolution
-    refused = check_piece(panel, drive, size=largest)
-    done = 1
-    while not refused.fault and refused.seen and refuses - locks > 1:
-        if report is not None:
-            report(done, throws)
-        middle = (locks + refuses) // 2
-        tried = check_piece(panel, drive, size=middle * RESOLUTION)
-        done += 1
-        if tried.fault:
-            refused = tried
-        elif tried.seen:
-            refused, refuses = tried, middle
-        else:
-            locks = middle
-    if refused.fault:
-        return PieceLimit(drive, math.nan, "", largest, refused.fault)
-    if not refused.seen:
+    if not refused(count):
         return PieceLimit(drive, math.inf, "", largest)
-    if refuses == 1:
+    least = bisect_left(range(count), True, lo=1, key=refused)
+    if least == 1:
         fault = "lock is refused without a piece, too"
-        return PieceLimit(drive, math.nan, refused.by, largest, fault)
-    return PieceLimit(drive, refuses * RESOLUTION, refused.by, largest)
+        return PieceLimit(drive, math.nan, tried[1].by, largest, fault)
+    return PieceLimit(drive, least * RESOLUTION, tried[least].by, largest)

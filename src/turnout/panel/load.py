@@ -570,15 +570,3 @@ def panel_source(name_or_path: str | Path) -> str | Path:
     if names_a_file(name):
         return user_path(name)
     return name
-
-
-__all__ = [
-    "LoadedPanel",
-    "as_written",
-    "library_names",
-    "library_text",
-    "load_panel",
-    "panel_from_document",
-    "panel_from_file",
-    "panel_source",
-]

@@ -164,9 +164,7 @@ def new_panel_text(source: str | FilePath, *, target: FilePath) -> str:
 def _moved(text: str, folder: FilePath, target: FilePath) -> str:
     """Return a text whose relative paths start at another folder."""
     data = parse_toml(text, source="panel").data
-    for path in read_layout(text).values:
-        if folder == target:
-            continue
+    for path in read_layout(text).values if folder != target else ():
         value: Any = data
         for part in path:
             value = value[part]

@@ -27,7 +27,6 @@ from turnout.study.variable import TEMPERATURE_KEY, value_kind
 from turnout.study.variables import ParsedStudy, read_field_law
 
 FloatArray = npt.NDArray[np.float64]
-CORRELATIONS = ("exponential", "gaussian")
 # Added to the diagonal: a Gaussian correlation of close places is singular in rounding [-].
 JITTER = 1e-10
 

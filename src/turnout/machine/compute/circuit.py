@@ -21,10 +21,10 @@ from turnout.machine.compute.machine_step import (
     MachineArrays,
     accept_step,
     rail_at,
+    rail_side,
     take_step,
 )
 from turnout.machine.compute.motor import drop_field, supplied_voltage
-from turnout.machine.compute.rail import rail_side
 
 HALVINGS = 20
 """A step is halved at most so often before the run ends."""

@@ -40,7 +40,7 @@ class Machines(NamedTuple):
     ----------
     constants : ndarray, shape (n, CONSTANTS)
     tables : ndarray, shape (n, n_rows, 5)
-        Of their strokes, see `turnout.machine.compute.rail.rod_position`.
+        Of their strokes, see `turnout.machine.compute.machine_step.rod_position`.
     commands : ndarray, shape (n, n_commands, 2)
         Time [s], inf where there are fewer, and direction.
     shared_resistance : float

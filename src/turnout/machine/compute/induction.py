@@ -34,6 +34,7 @@ the torque at twice the supply's frequency and the decay of the fluxes.
 """
 
 import math
+from typing import Any
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
@@ -279,15 +280,29 @@ def stored_in_stage(constants: Floats, stage: Floats, before: Floats) -> float:
     return 1.5 * into
 
 
+def gamma_energy(
+    constants: Floats, along: Any, across: Any, rotor_along: Any, rotor_across: Any
+) -> Any:
+    """Return 0.75 (|psi_s|^2/L_s + |psi_r - psi_s|^2/L_l) from the parts of both fluxes [J].
+
+    These are arrays where Python calls this.
+    """
+    stator = along * along + across * across
+    leak = (rotor_along - along) ** 2 + (rotor_across - across) ** 2
+    energy = stator / constants[at.STATOR_INDUCTANCE] + leak / constants[at.LEAKAGE_INDUCTANCE]
+    return 0.75 * energy
+
+
+_energy = compiled_part(gamma_energy)
+
+
 @compiled_part
 def field_energy(constants: Floats, row: Floats) -> float:
     """Return the energy in the magnetic field, 0 of the steady circuit [J]."""
     if constants[at.STEADY_CIRCUIT] > 0.0:
         return 0.0
-    psi_s, psi_r = stator_flux(row), rotor_flux(row)
-    energy = squared(psi_s) / constants[at.STATOR_INDUCTANCE]
-    energy += squared(psi_r - psi_s) / constants[at.LEAKAGE_INDUCTANCE]
-    return 0.75 * float(energy)
+    stator, rotor = stator_flux(row), rotor_flux(row)
+    return float(_energy(constants, stator.real, stator.imag, rotor.real, rotor.imag))
 
 
 @compiled_part
