@@ -126,6 +126,14 @@ def plausible(number: int) -> LoadedPanel:
     return study.panel.with_overrides(study.scenario(number).overrides)
 
 
+def held_by_little() -> LoadedPanel:
+    """Return a panel whose Drive 2 holds its rail open with 0.999 of its slip level."""
+    panel = plausible(36)
+    drive = panel.drive["2"]
+    over = 0.999 * drive.saturation_force / drive.stiffness
+    return panel.with_overrides({"drive.2.over_travel_open": over})
+
+
 def slips_at_rest(study: Study, state: int) -> bool:
     """Whether Drive 2 slips at rest in a state: its rail has no gap there to be pressed home."""
     changed = study.scenario(state).overrides
@@ -134,7 +142,7 @@ def slips_at_rest(study: Study, state: int) -> bool:
 
 
 def test_no_drive_slips_at_rest_where_the_panel_holds_its_rail_by_little() -> None:
-    panel = plausible(36)  # Drive 2 holds its rail open with 7.43 kN and slips at 7.44 kN
+    panel = held_by_little()
     study = reference_study(panel, count=40)
     assert not [state for state in range(40) if slips_at_rest(study, state)]
     free = replace(study, design=replace(study.design, holdings=()))
@@ -146,13 +154,13 @@ def test_no_drive_slips_at_rest_where_the_panel_holds_its_rail_by_little() -> No
     with pytest.raises(PanelError, match="slips at rest"):
         panel.with_overrides(dict(free.scenario(slipping[0]).overrides))
     panel.with_overrides(dict(study.scenario(slipping[0]).overrides))
-    assert any("drive 2 presses rail curved home with 7.4" in item for item in study.remarks)
+    assert any("drive 2 presses rail curved home with 7.09" in item for item in study.remarks)
 
 
 def test_states_drawn_again_are_the_same_after_storage_and_of_other_counts() -> None:
-    study = reference_study(plausible(36), count=5)
+    study = reference_study(held_by_little(), count=5)
     stored = study_from_data(study_data(study))
-    more = reference_study(plausible(36), count=50)
+    more = reference_study(held_by_little(), count=50)
     for state in range(5):
         values = study.design.drawn_values(state)
         assert stored.design.drawn_values(state) == values == more.design.drawn_values(state)
@@ -166,7 +174,7 @@ def test_panels_with_margins_keep_their_population() -> None:
     assert not study.design.holdings
     assert not study.remarks
     with pytest.raises(ValueError, match="cannot be drawn again"):
-        replace(reference_study(plausible(36)).design, method="sobol")
+        replace(reference_study(held_by_little()).design, method="sobol")
 
 
 def test_a_last_movement_that_opens_and_throws_that_fail_are_refused() -> None:

@@ -111,7 +111,6 @@ SPEED = Dimension("speed", "m/s", "5 mm/s")
 PER_SPEED = Dimension("share per speed", "s/m", "1 s/m")
 PER_ENERGY = Dimension("share per energy", "1/J", "1e-9 1/J")
 FORCE_RATE = Dimension("force rate", "N/s", "22 kN/s")
-SPEED = Dimension("speed", "m/s", "120 km/h")
 
 DIMENSIONS = (
     LENGTH,

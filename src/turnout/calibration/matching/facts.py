@@ -304,7 +304,7 @@ def read_facts(file: TomlFile) -> Facts:
         by_machines = panel.with_overrides(record.machines, si=False) if record.machines else None
     except PanelError as error:
         raise StudyError([f"machines: {p}" for p in error.problems], source=file.source) from None
-    reader = _Reader(panel, by_machines, file, [])
+    reader = _Reader(panel, by_machines, file, [], {})
     parameters = tuple(
         reader.parameter(item, number) for number, item in enumerate(record.parameter)
     )
@@ -342,13 +342,15 @@ def read_facts(file: TomlFile) -> Facts:
 class _Reader:
     """Reads the parts of a facts file against its panel and collects all problems.
 
-    `by_machines` is the panel whose drives are machines, if the file says which.
+    `by_machines` is the panel whose drives are machines, if the file says which; `dimensions` are
+    those of the parameters that were read, by name.
     """
 
     panel: LoadedPanel
     by_machines: LoadedPanel | None
     file: TomlFile
     problems: list[str]
+    dimensions: dict[str, Dimension]
 
     def origin(self, family: str, number: int, keys: tuple[str, ...]) -> str:
         """Return the first origin comment at keys of an entry of an array of tables."""
@@ -386,6 +388,7 @@ class _Reader:
                 continue
             if isinstance(kind, Dimension) and record.apply != "multiply":
                 dimension = kind
+        self.dimensions[record.name] = dimension
         bounds = [
             self.number(f"{where}.{name}", getattr(record, name), dimension)
             for name in ("minimum", "maximum")
@@ -416,14 +419,11 @@ class _Reader:
             near = f"{nearest(record.parameter, known)}; there are {choices(known)}"
             self.problems.append(f'{where}.parameter = "{record.parameter}": is none{near}')
             return Sum(name=record.name, terms=(), unit="")
-        unit = known[record.parameter].unit
-        dimension = next(
-            (m.dimension for m in MEASURES.values() if m.dimension.unit == unit), SHARE
-        )
+        dimension = self.dimensions[record.parameter]
         return Sum(
             name=record.name,
             terms=(),
-            unit=unit,
+            unit=dimension.unit,
             precision=self.number(f"{where}.precision", record.precision, dimension),
             parameter=record.parameter,
             origin=self.origin("measurement", number, ("precision",)),
