@@ -164,10 +164,10 @@ BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
 BRIEF_REJECTED = 4
 # Planes at the end of a fit at most, the predicted decrease for each parameter below which it is
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
-# step goes at most [reaches]. With more parameters, some of them sizes of causes that forces hardly
-# tell apart, steps of planes do not come to an end.
+# step goes at most [reaches]. With more parameters, some of them states or sizes of causes that
+# forces hardly tell apart, steps of planes do not come to an end.
 SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 8, 0.3, 3, 10.0
-SMOOTH_MOST = 12
+SMOOTH_MOST = 8
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
 # Relative change of the noise beyond which the fit is repeated with it [-].
@@ -315,8 +315,10 @@ def fit(
         if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
     found = replace(found, iterations=iterations)
-    smooth = refined and not poor and len(parameters) <= SMOOTH_MOST
-    return smooth_end(found, first, on_step=on_step) if smooth else found
+    if not refined or poor or len(parameters) > SMOOTH_MOST:
+        return found
+    smooth = smooth_end(found, first, on_step=on_step)
+    return smooth if smooth.converged else found
 
 
 @one_blas_thread()
