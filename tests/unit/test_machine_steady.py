@@ -23,9 +23,11 @@ def machine_of(name: str, **changes: object) -> Machine:
 
 
 def test_a_motor_that_stalls_before_its_clutch_slips() -> None:
-    """380 V to 100 V: breakdown 13.6 N m times (100/380)^2, below the clutch's 2.1 N m."""
+    """380 V to 100 V: breakdown by (100/380)^2, or a little more, below the clutch's 2.1 N m."""
     weak = machine_of("s700k", supply__voltage=100.0)
-    most = breakdown_point(weak.motor)[1] * (100.0 / 380.0) ** 2
+    most = breakdown_point(weak.motor, voltage=100.0, line=4.0)[1]
+    rated = breakdown_point(weak.motor, line=4.0)[1]
+    assert 1.0 <= most / (rated * (100.0 / 380.0) ** 2) < 1.02  # the main branch saturates less
     assert f"breakdown {most:.3g} N m, clutch 2.1 N m" in stall_text(weak)
     assert slip_point(weak).stalled
     assert load_range(weak) is None

@@ -198,12 +198,12 @@ def test_staggered_step_with_a_corrector_is_the_condensed_one() -> None:
 
 @pytest.mark.parametrize("transient", [False, True])
 def test_two_induction_motors_on_one_supply(transient: bool) -> None:
-    """Two alike on a shared resistance R: each as one alone behind a line of 2 R."""
+    """Two alike on a shared resistance R: each as one alone behind 2 R more of its line."""
     loaded = load_machines("s700k", overrides={"motor.transient": transient})
     machine = loaded.machine["s700k"]
     assert loaded.throw is not None
     shared = loaded.with_overrides({"supply.shared_resistance": 4.0}).machine["s700k"]
-    behind = loaded.with_overrides({"supply.line_resistance": 8.0}).machine["s700k"]
+    behind = loaded.with_overrides({"supply.line_resistance": 12.0}).machine["s700k"]
     start = np.full(2, -0.22)
 
     def rail() -> TrapezoidalRail:

@@ -21,6 +21,7 @@ import pytest
 
 from turnout.core.keys import origin_at
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
+from turnout.machine.steady import supply_slopes
 from turnout.throw.machine import throw_one_mass
 
 
@@ -39,7 +40,7 @@ class Sheet:
 
 RATED = {
     **{"jea73": 3000.0, "jea73-drive2": 3000.0, "zd6": 2450.0, "irs": 4413.0},
-    **{"s700k": 3000.0, "zdj9": 2500.0, "m70": 2000.0},
+    **{"s700k": 3000.0, "zdj9": 2500.0, "m70": 2000.0, "three-phase": 1500.0},
 }
 LIMITS = {
     "jea73": {"slip_current": (1.98, 2.02), "time": (3.0, 3.6)},
@@ -57,6 +58,7 @@ LIMITS = {
     },
     "s700k": {"running_current": (1.0, 2.0), "time": (4.5, 6.6)},
     "zdj9": {"running_current": (1.0, 2.0), "time": (4.5, 5.8)},
+    "three-phase": {"running_current": (2.26, 2.52), "power": (310, 455), "time": (4.9, 5.3)},
     "m70": {"slip_current": (1.4 * 3.05, 1.6 * 3.05), "running_current": (2.9, 3.2)},
 }
 
@@ -168,3 +170,19 @@ if __name__ == "__main__":
             f"| {found.shaft_speed:.1f} rad/s | {found.power:.0f} W | {found.time:.3f} s "
             f"| {found.slip_current:.3f} A | {found.peak:.2f} A |"
         )
+
+
+def test_slopes_of_the_generic_machine_are_those_on_record() -> None:
+    """SwitchMonitor, six machines: 23 to 28 mA per volt, -47 to -97 mA per 100 W."""
+    machine = load_machines("three-phase").machine["three-phase"]
+    for force in (1000.0, 1500.0, 2000.0):
+        point, per_volt, per_watt = supply_slopes(machine, force=force)
+        assert 0.023 < per_volt < 0.028
+        assert -97e-5 < per_watt < -47e-5
+        assert 2.26 < point.current < 2.52
+        assert 310.0 < point.power < 455.0
+
+
+@pytest.mark.parametrize("name", ["s700k", "zdj9", "three-phase"])
+def test_currents_of_three_phase_machines_fall_with_the_load(name: str) -> None:
+    assert supply_slopes(load_machines(name).machine[name], force=1500.0)[2] < 0.0

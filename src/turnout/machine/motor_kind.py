@@ -33,7 +33,7 @@ from turnout.core.quantity import (
 )
 from turnout.core.units import SI
 from turnout.machine.compute import places as at
-from turnout.machine.compute.induction import gamma_energy, gamma_impedance
+from turnout.machine.compute.induction import gamma_energy, gamma_impedance, main_excess
 
 Floats = NDArray[np.float64]
 
@@ -106,7 +106,16 @@ class Motor(JudgedRecord):
         None, gt=0, description="R_r of the Gamma model at 20 degC [ohm]"
     )
     stator_inductance: Inductance | None = Field(
-        None, gt=0, description="L_s of the Gamma model: magnetising, of a phase [H]"
+        None,
+        gt=0,
+        description="L_s of the Gamma model: magnetising, of a phase, at the rated flux [H]",
+    )
+    main_saturation: float | None = Field(
+        None,
+        ge=1,
+        le=9,
+        description="d ln i/d ln psi of the magnetising branch at the rated flux; default 1, none "
+        "[-]",
     )
     leakage_inductance: Inductance | None = Field(
         None, gt=0, description="L_l of the Gamma model: all leakage, on the rotor's side [H]"
@@ -406,7 +415,7 @@ class Induction(MotorKind):
         *("frequency", "pole_pairs", "rotor_resistance", "stator_inductance"),
         "leakage_inductance",
     )
-    may_have = ("iron_resistance",)
+    may_have = ("iron_resistance", "main_saturation")
     brushes = False
     alternating = True
     without_effect = ("circuit.snub_resistance", "circuit.measured_current")
@@ -431,6 +440,8 @@ class Induction(MotorKind):
             at.POLE_PAIRS: float(motor.pole_pairs or 1),
             at.ROTOR_RESISTANCE: (motor.rotor_resistance or 0.0) * copper_factor(motor),
             at.STATOR_INDUCTANCE: motor.stator_inductance or 0.0,
+            at.MAIN_BEND: ((motor.main_saturation or 1.0) - 1.0) / 8.0,
+            at.RATED_FLUX: rated_flux(motor),
             at.LEAKAGE_INDUCTANCE: motor.leakage_inductance or 0.0,
             at.IRON_CONDUCTANCE: 1.0 / iron if iron else 0.0,
             at.LONGEST_STEP: TRANSIENT_STEP if motor.transient else math.inf,
@@ -487,6 +498,11 @@ MOTOR_KINDS |= {
 # --- the steady circuit of an induction motor
 
 
+def rated_flux(motor: Motor) -> float:
+    """Return the flux at which an induction motor's stator voltage is the rated one, peak [V s]."""
+    return math.sqrt(2.0 / 3.0) * motor.voltage / (2.0 * math.pi * (motor.frequency or math.inf))
+
+
 def breakdown_point(
     motor: Motor, *, voltage: float | None = None, line: float = 0.0
 ) -> tuple[float, float]:
@@ -523,8 +539,31 @@ def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, Stea
     Notes
     -----
     The Gamma circuit in phasors (rms) with the iron loss across its terminals and the line before
-    them. With psi_s = I_s/lambda, T = 3 n_p Im(I_s conj psi_s) = 3 n_p |psi_s|^2 Im lambda.
+    them. With psi_s = I_s/lambda, T = 3 n_p Im(I_s conj psi_s) = 3 n_p |psi_s|^2 Im lambda. Where
+    the main branch saturates its flux is that which it leaves.
     """
+    excess = 0.0
+    if motor.main_saturation:
+        from scipy.optimize import brentq  # slow to load; sweeps of markers need none
+
+        numbers = Induction().places(motor, supply)
+        constants = np.zeros(at.CONSTANTS)
+        constants[[at.MAIN_BEND, at.RATED_FLUX]] = [numbers[at.MAIN_BEND], numbers[at.RATED_FLUX]]
+
+        def left(size: float) -> float:
+            found = _gamma_point(motor, supply, speed, float(main_excess(constants, size)))
+            return found[2] - size
+
+        most = 2.0 * numbers[at.PHASE_VOLTAGE] / numbers[at.SUPPLY_SPEED]
+        excess = float(main_excess(constants, brentq(left, 0.0, most, xtol=1e-15, rtol=1e-14)))
+    torque, point, _ = _gamma_point(motor, supply, speed, excess)
+    return torque, point
+
+
+def _gamma_point(
+    motor: Motor, supply: Supply, speed: float, excess: float
+) -> tuple[float, SteadyPoint, float]:
+    """Return torque, point and stator flux (peak) with the main branch's current per flux given."""
     line = line_resistance(supply)
     frame = 2.0 * math.pi * (motor.frequency or 0.0)
     pairs, factor = motor.pole_pairs or 1, copper_factor(motor)
@@ -532,16 +571,18 @@ def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, Stea
         frame,
         frame - pairs * speed,
         (motor.resistance * factor, (motor.rotor_resistance or 0.0) * factor),
-        (motor.stator_inductance or 0.0, motor.leakage_inductance or 0.0),
+        ((motor.stator_inductance or 0.0) / (1.0 + excess), motor.leakage_inductance or 0.0),
     )
     iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
     whole = line + stator / (1.0 + stator * iron)
-    phase = nominal_voltage(motor, supply) / math.sqrt(3.0)
-    current = phase / whole
-    through = (phase - line * current) / stator
-    torque = 3.0 * pairs * abs(through / per_flux) ** 2 * per_flux.imag
-    power = 3.0 * phase * current.real
-    return torque, SteadyPoint(abs(current), speed, power, 3.0 * phase * abs(current))
+    voltage = nominal_voltage(motor, supply) / math.sqrt(3.0)
+    current = voltage / whole
+    through = (voltage - line * current) / stator
+    flux = abs(through / per_flux)
+    torque = 3.0 * pairs * flux**2 * per_flux.imag
+    power = 3.0 * voltage * current.real
+    point = SteadyPoint(abs(current), speed, power, 3.0 * voltage * abs(current))
+    return torque, point, math.sqrt(2.0) * flux
 
 
 def line_power(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
@@ -570,7 +611,8 @@ def _three_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Fl
     psi_s = states[:, at.STATOR_FLUX] + 1j * states[:, at.STATOR_FLUX_ACROSS]
     psi_r = states[:, at.ROTOR_FLUX] + 1j * states[:, at.ROTOR_FLUX_ACROSS]
     leak = (psi_s - psi_r) / constants[at.LEAKAGE_INDUCTANCE]
-    i_s = psi_s / constants[at.STATOR_INDUCTANCE] + leak
+    main = 1.0 + states[:, at.MAIN_EXCESS]
+    i_s = psi_s * main / constants[at.STATOR_INDUCTANCE] + leak
     voltage, line = constants[at.PHASE_VOLTAGE], constants[at.LINE_RESISTANCE]
     iron = constants[at.IRON_CONDUCTANCE]
     seen = voltage - states[:, at.SHARED_DROP] - 1j * states[:, at.SHARED_DROP_ACROSS]

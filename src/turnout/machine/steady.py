@@ -44,6 +44,47 @@ def shaft_travel(machine: Machine) -> float:
     return rod_position(machine_row(machine), stroke_table(machine.stroke), middle)[1]
 
 
+def supply_slopes(machine: Machine, *, force: float) -> tuple[SteadyPoint, float, float]:
+    """Return the point under a force, and the slopes of its current with voltage and load.
+
+    Parameters
+    ----------
+    machine : Machine
+        Whose motor does not stall there.
+    force : float
+        On the rod, in mid-stroke [N].
+
+    Returns
+    -------
+    SteadyPoint
+    per_volt : float
+        Rise of the current with the voltage of the supply at the same active power [A/V].
+    per_watt : float
+        Rise of the current with the active power, by the load, at the same voltage [A/W].
+
+    Examples
+    --------
+    >>> from turnout.machine.machine_file import load_machines
+    >>> machine = load_machines("three-phase").machine["three-phase"]
+    >>> _, per_volt, per_watt = supply_slopes(machine, force=1500.0)
+    >>> round(1e3 * per_volt), round(1e5 * per_watt)
+    (26, -57)
+    """
+    supply, voltage = machine.supply, nominal_voltage(machine.motor, machine.supply)
+
+    def at(volts: float, load: float) -> SteadyPoint:
+        fed = supply.model_copy(update={"voltage": voltage + volts})
+        changed = machine.model_copy(update={"supply": fed})
+        return steady_point(changed, torque=torque_for(changed, load))
+
+    step, volts = 0.05 * force, 0.005 * voltage
+    less, more = at(0.0, force - step), at(0.0, force + step)
+    low, high = at(-volts, force), at(volts, force)
+    per_watt = (more.current - less.current) / (more.power - less.power)
+    rest = high.current - low.current - per_watt * (high.power - low.power)
+    return at(0.0, force), rest / (2.0 * volts), per_watt
+
+
 def slip_point(machine: Machine) -> SteadyPoint:
     """Return the steady point while the clutch slips."""
     return steady_point(
@@ -111,7 +152,7 @@ def stall_text(machine: Machine) -> str:
     >>> from turnout.machine.machine_file import load_machines
     >>> weak = load_machines("s700k", overrides={"supply.voltage": 100.0}).machine["s700k"]
     >>> stall_text(weak)
-    'the motor stalls before the clutch slips (breakdown 0.942 N m, clutch 2.1 N m)'
+    'the motor stalls before the clutch slips (breakdown 0.791 N m, clutch 2.1 N m)'
     """
     if not slip_point(machine).stalled:
         return ""
@@ -147,6 +188,12 @@ def steady_lines(machine: Machine) -> list[str]:
         )
     blind = blind_text(machine)
     rows += [f"  {blind}"] if blind else []
+    if not slip.stalled:
+        _, per_volt, per_watt = supply_slopes(machine, force=0.25 * held)
+        rows.append(
+            f"  at {0.25 * held / 1e3:.2f} kN the current rises by {1e5 * per_watt:.0f} mA per "
+            f"100 W of load and by {1e3 * per_volt:.1f} mA per volt of supply"
+        )
     rows.append(
         f"  {stall_text(machine)}"
         if slip.stalled

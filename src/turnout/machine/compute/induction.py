@@ -8,6 +8,10 @@ the rotor's psi_r [V s]:
     psi_r' = -R_r i_r - j (w_k - n_p w1) psi_r       i_r = (psi_r - psi_s)/L_l
     T = 1.5 n_p Im(i_s conj psi_s)
 
+The main branch may saturate: its current per flux is (1 + c (|psi_s|/psi_0)^8 - c)/L_s with L_s at
+the rated flux psi_0, so that n = d ln i/d ln psi is 1 + 8 c there. Within a step it is that of the
+flux at the start, which leaves the equations of a stage linear. With one phase lost it is 1/L_s.
+
 Iron loss is a resistance across the motor's terminals, behind the line: what both do to the stator
 is one source u/(1 + R_line/R_fe) with R_line R_fe/(R_line + R_fe) in series. The steady circuit is
 the same with both derivatives zero. What other machines take from a shared supply is subtracted
@@ -40,6 +44,8 @@ from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 
+SAME_BRANCH, MOST_CHANGES = 1e-9, 40
+"""Changes of the main branch below this are left out, so that a steady circuit stays known [-]."""
 NO_CURVE = (0.0, 0.0, 1.0, 0.0, 0.0)
 """Torque curve of a motor without one."""
 
@@ -96,11 +102,27 @@ def rotor_flux(row: Floats) -> complex:
     return complex(row[at.ROTOR_FLUX], row[at.ROTOR_FLUX_ACROSS])
 
 
+def main_excess(constants: Floats, size: Any) -> Any:
+    """Return the main branch's current per flux over 1/L_s, less 1, at a flux |psi_s| [-].
+
+    An array where Python calls this.
+    """
+    share = size / constants[at.RATED_FLUX]
+    fourth = share * share * share * share
+    return constants[at.MAIN_BEND] * (fourth * fourth - 1.0)
+
+
+_excess = compiled_part(main_excess)
+
+
 @compiled_part
-def winding_currents(constants: Floats, psi_s: complex, psi_r: complex) -> tuple[complex, complex]:
-    """Return the currents of stator and rotor [A]."""
+def winding_currents(
+    constants: Floats, state: Floats, psi_s: complex, psi_r: complex
+) -> tuple[complex, complex]:
+    """Return the currents of stator and rotor [A]; of the state only the main branch is read."""
     i_r = scaled(psi_r - psi_s, 1.0 / constants[at.LEAKAGE_INDUCTANCE])
-    return scaled(psi_s, 1.0 / constants[at.STATOR_INDUCTANCE]) - i_r, i_r
+    main = (1.0 + state[at.MAIN_EXCESS]) / constants[at.STATOR_INDUCTANCE]
+    return scaled(psi_s, main) - i_r, i_r
 
 
 @compiled_part
@@ -131,7 +153,7 @@ def terminals(constants: Floats, state: Floats, i_s: complex) -> tuple[complex, 
 @compiled_part
 def line_current(constants: Floats, state: Floats) -> complex:
     """Return the current of the line in the frame of the machine's own direction, peak [A]."""
-    i_s, _ = winding_currents(constants, stator_flux(state), rotor_flux(state))
+    i_s, _ = winding_currents(constants, state, stator_flux(state), rotor_flux(state))
     return terminals(constants, state, i_s)[1]
 
 
@@ -153,7 +175,8 @@ def _stage_system(
         constants[at.ROTOR_RESISTANCE],
     )
     wk = state[at.DIRECTION] * constants[at.SUPPLY_SPEED]
-    a11 = complex(rate + r_s / constants[at.STATOR_INDUCTANCE] + r_s / leak, wk)
+    main = r_s * (1.0 + state[at.MAIN_EXCESS]) / constants[at.STATOR_INDUCTANCE]
+    a11 = complex(rate + main + r_s / leak, wk)
     share = 1.0 / (1.0 + line * constants[at.IRON_CONDUCTANCE])
     source = scaled(supply_phasor(constants, state), share)
     b1, b2 = source + scaled(stator_flux(base), rate), scaled(rotor_flux(base), rate)
@@ -169,7 +192,7 @@ def stage_fluxes(
     Parameters
     ----------
     constants, state : ndarray
-        Rows of the machine; of the state only direction and shared drop are read.
+        Rows of the machine; of the state direction, shared drop and main branch are read.
     g : float
         Length of the stage [s].
     base : ndarray
@@ -182,6 +205,29 @@ def stage_fluxes(
     det = a11 * a22 - a12 * a21
     inverse = scaled(det.conjugate(), 1.0 / squared(det))
     return (b1 * a22 - scaled(b2, a12)) * inverse, (a11 * b2 - scaled(b1, a21)) * inverse
+
+
+@compiled_part
+def note_saturation(constants: Floats, state: Floats) -> None:
+    """Take the main branch for the next step by the flux at the end of this one.
+
+    A steady circuit takes the one that its flux at this speed leaves, found in halved changes.
+    """
+    psi_s, psi_r = stator_flux(state), rotor_flux(state)
+    if constants[at.MAIN_BEND] == 0.0 or abs(psi_s) == 0.0:
+        return
+    steady = constants[at.STEADY_CIRCUIT] > 0.0
+    for _ in range(MOST_CHANGES if steady else 1):
+        last = state[at.MAIN_EXCESS]
+        change = _excess(constants, abs(psi_s)) - last
+        if abs(change) <= SAME_BRANCH:
+            break
+        state[at.MAIN_EXCESS] = last + (0.5 * change if steady else change)
+        if steady:
+            psi_s, psi_r = stage_fluxes(constants, state, 1.0, state, state[at.SPEED])
+    state[at.STATOR_FLUX], state[at.STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
+    state[at.ROTOR_FLUX], state[at.ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
+    state[at.CURRENT] = math.sqrt(0.5 * squared(line_current(constants, state)))
 
 
 @compiled
@@ -213,16 +259,18 @@ def known_curve(
 ) -> tuple[float, float, float, float, float]:
     """Return the `torque_curve`, that of a steady circuit from memory.
 
-    `known` holds the curve and what it depends on: direction, and both parts of the shared drop.
+    `known` holds the curve and what it depends on: direction, both parts of the shared drop, and
+    the main branch.
     """
     if constants[at.STEADY_CIRCUIT] == 0.0:
         return torque_curve(constants, state, g, base)
     alike = known[5] == state[at.DIRECTION] and known[6] == state[at.SHARED_DROP]
+    alike = alike and known[8] == state[at.MAIN_EXCESS]
     if not (alike and known[7] == state[at.SHARED_DROP_ACROSS]):
         curve = torque_curve(constants, state, g, base)
         known[0], known[1], known[2], known[3], known[4] = curve
         known[5], known[6] = state[at.DIRECTION], state[at.SHARED_DROP]
-        known[7] = state[at.SHARED_DROP_ACROSS]
+        known[7], known[8] = state[at.SHARED_DROP_ACROSS], state[at.MAIN_EXCESS]
     return known[0], known[1], known[2], known[3], known[4]
 
 
@@ -250,14 +298,14 @@ def fill_fluxes(
     psi_s, psi_r = stage_fluxes(constants, state, g, base, w1)
     stage[at.STATOR_FLUX], stage[at.STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
     stage[at.ROTOR_FLUX], stage[at.ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
-    i_s, _ = winding_currents(constants, psi_s, psi_r)
+    i_s, _ = winding_currents(constants, state, psi_s, psi_r)
     stage[at.CURRENT] = math.sqrt(0.5 * squared(terminals(constants, state, i_s)[1]))
 
 
 @compiled_part
 def add_three_phase_energy(constants: Floats, state: Floats, stage: Floats, weight: float) -> None:
     """Add what a stage takes from the supply and loses in line, iron and windings."""
-    i_s, i_r = winding_currents(constants, stator_flux(stage), rotor_flux(stage))
+    i_s, i_r = winding_currents(constants, state, stator_flux(stage), rotor_flux(stage))
     voltage, line = terminals(constants, state, i_s)
     part = 1.5 * weight
     taken = state[at.SHARED_DROP] * line.real + state[at.SHARED_DROP_ACROSS] * line.imag
@@ -269,12 +317,12 @@ def add_three_phase_energy(constants: Floats, state: Floats, stage: Floats, weig
 
 
 @compiled_part
-def stored_in_stage(constants: Floats, stage: Floats, before: Floats) -> float:
+def stored_in_stage(constants: Floats, state: Floats, stage: Floats, before: Floats) -> float:
     """Return what the change of the fluxes within a stage stores [J]."""
     if constants[at.STEADY_CIRCUIT] > 0.0:
         return 0.0
     psi_s, psi_r = stator_flux(stage), rotor_flux(stage)
-    i_s, i_r = winding_currents(constants, psi_s, psi_r)
+    i_s, i_r = winding_currents(constants, state, psi_s, psi_r)
     into = (i_s.conjugate() * (psi_s - stator_flux(before))).real
     into += (i_r.conjugate() * (psi_r - rotor_flux(before))).real
     return 1.5 * into
@@ -285,9 +333,13 @@ def gamma_energy(
 ) -> Any:
     """Return 0.75 (|psi_s|^2/L_s + |psi_r - psi_s|^2/L_l) from the parts of both fluxes [J].
 
-    These are arrays where Python calls this.
+    These are arrays where Python calls this. Of a main branch that saturates the first part is the
+    integral of its current.
     """
     stator = along * along + across * across
+    share = stator / (constants[at.RATED_FLUX] * constants[at.RATED_FLUX])
+    fourth = share * share
+    stator = stator * (1.0 + constants[at.MAIN_BEND] * (0.2 * fourth * fourth - 1.0))
     leak = (rotor_along - along) ** 2 + (rotor_across - across) ** 2
     energy = stator / constants[at.STATOR_INDUCTANCE] + leak / constants[at.LEAKAGE_INDUCTANCE]
     return 0.75 * energy

@@ -23,6 +23,7 @@ from typing import NamedTuple
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.law.table import Floats
 from turnout.machine.compute import places as at
+from turnout.machine.compute.induction import note_saturation
 from turnout.machine.compute.motor import (
     ITERATIONS,
     ROUNDING,
@@ -351,6 +352,7 @@ def accept_step(machine: MachineArrays, state: Floats, time: float, step: float)
         state[k] = second[k]
     state[at.ROD_POSITION] = second[at.ROD_POSITION]
     state[at.ROD_FORCE] = second[at.ROD_FORCE]
+    note_saturation(constants, state)
 
 
 @compiled_part
@@ -384,7 +386,7 @@ def _add_stored_energy(
     constants: Floats, state: Floats, stage: Floats, before: Floats, weight: float
 ) -> None:
     """Add what a stage puts into inertias, clutch and coil, whose change has a weight."""
-    into = into_field(constants, stage, before)
+    into = into_field(constants, state, stage, before)
     into += constants[at.MOTOR_INERTIA] * stage[at.SPEED] * (stage[at.SPEED] - before[at.SPEED])
     into += (
         constants[at.GEAR_INERTIA]

@@ -192,11 +192,11 @@ def add_electrical_energy(constants: Floats, state: Floats, stage: Floats, weigh
 
 
 @compiled_part
-def into_field(constants: Floats, stage: Floats, before: Floats) -> float:
+def into_field(constants: Floats, state: Floats, stage: Floats, before: Floats) -> float:
     """Return what the change of current or fluxes within a stage stores [J]."""
     into = constants[at.INDUCTANCE] * stage[at.CURRENT] * (stage[at.CURRENT] - before[at.CURRENT])
     if is_three_phase(constants):
-        into += stored_in_stage(constants, stage, before)
+        into += stored_in_stage(constants, state, stage, before)
     return float(into)
 
 

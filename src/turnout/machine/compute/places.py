@@ -57,7 +57,9 @@ the closing direction. Flags are 0.0 or 1.0.
     SUPPLY_SPEED,  # 2 pi f [rad/s]
     POLE_PAIRS,
     ROTOR_RESISTANCE,  # R_r, seen from the stator [ohm]; the stator's is RESISTANCE
-    STATOR_INDUCTANCE,  # L_s [H]
+    STATOR_INDUCTANCE,  # L_s at the rated flux [H]
+    MAIN_BEND,  # c of the main branch, 0 without saturation
+    RATED_FLUX,  # peak [V s]
     LEAKAGE_INDUCTANCE,  # L_l, all on the rotor's side [H]
     IRON_CONDUCTANCE,  # 1/R_fe across the terminals [1/ohm]
     PHASE_LOST_TIME,  # at which one conductor of an induction motor's supply opens [s]
@@ -71,7 +73,7 @@ the closing direction. Flags are 0.0 or 1.0.
     UNLOCKED_FROM,  # shaft angles between which the rod moves and the bar stands [rad]
     UNLOCKED_TO,
     CONSTANTS,
-) = range(65)
+) = range(67)
 
 (CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
 """Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
@@ -112,6 +114,7 @@ the closing direction. Flags are 0.0 or 1.0.
     # of an induction motor the part along the supply's voltage, peak
     SHARED_DROP_ACROSS,  # its part a quarter of a turn ahead, 0 of a direct current
     PHASE_LOST,  # 1: one conductor of an induction motor's supply is open
+    MAIN_EXCESS,  # current per flux of the main branch over that at the rated flux, less 1
     CLUTCH_TEMPERATURE,  # above ambient [K]
     HEAT_COUNTED,  # heat of the clutch that is in its temperature already [J]
     SLIPPING,  # sign of the slip while the clutch is at its kinetic level, else 0
@@ -131,11 +134,11 @@ the closing direction. Flags are 0.0 or 1.0.
     BRUSH_RESISTANCE,  # CONTACT_RESISTANCE while a brush has poor contact, else 0 [ohm]
     BAR_TORQUE,  # LOCK_TORQUE while the lock bar moves, else 0 [N m]
     ENERGIES,  # the first of the sums below
-) = range(39)
+) = range(40)
 
 INTEGRATED = 9
 """So many states, from the first on, obey differential equations."""
-TRACED = 20
+TRACED = 21
 """So many states, from the first on, are those that the channels over time follow from."""
 
 # --- sums of power times step by the scheme's own weights [J] -----------------------------------

@@ -1,0 +1,117 @@
+"""Slopes of the library machines' currents with load and voltage, beside machines on record.
+
+    python -m benchmarks.studies.current_or_power
+
+Writes a section of docs/evidence/machines.md and docs/figures/current_or_power.png; closed forms,
+at a quarter of the force at which the clutch slips.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from matplotlib.figure import Figure
+
+from benchmarks.page import DOCS, EVIDENCE, put_section
+from turnout.figures.style import COLOURS, new_figure, rendered
+from turnout.machine.machine_file import load_machines, machine_names
+from turnout.machine.motor_kind import line_resistance
+from turnout.machine.steady import shaft_travel, supply_slopes
+
+PER_100_WATT, PER_VOLT = (-97.0, -47.0), (23.0, 28.0)
+"""Of six three-phase machines, 1,010 throws (SwitchMonitor, linhuanwen) [mA]."""
+
+
+class Slopes(NamedTuple):
+    """Point and slopes of a library machine, in mA per 100 W and per volt."""
+
+    name: str
+    kind: str
+    resistance: float
+    current: float
+    power: float
+    per_100_watt: float
+    per_volt: float
+
+    @property
+    def worth(self) -> float:
+        """What 100 W of load are worth in volts of supply."""
+        return abs(self.per_100_watt / self.per_volt)
+
+
+def library_slopes() -> Iterator[Slopes]:
+    """Yield the slopes of each machine of the library."""
+    for file in machine_names():
+        for name, machine in load_machines(file).machine.items():
+            held = machine.clutch.torque * machine.gear.efficiency / shaft_travel(machine)
+            point, per_volt, per_watt = supply_slopes(machine, force=0.25 * held)
+            yield Slopes(
+                name,
+                "three-phase" if machine.motor.of_kind.alternating else "DC",
+                line_resistance(machine.supply) + machine.motor.resistance,
+                point.current,
+                point.power,
+                1e5 * per_watt,
+                1e3 * per_volt,
+            )
+
+
+def section(found: list[Slopes]) -> list[str]:
+    """Return the part of the page that this program writes."""
+    lines = [
+        "At a quarter of the force at which the clutch slips, closed form; written by "
+        "`python -m benchmarks.studies.current_or_power`. On record are six three-phase machines "
+        "in 1,010 throws (SwitchMonitor, linhuanwen).",
+        "",
+        "![Slopes of the currents with load and voltage](../figures/current_or_power.png)",
+        "",
+        "| machine | motor | R with line | current | power | per 100 W | per volt "
+        "| 100 W are worth |",
+        "|---|---|--:|--:|--:|--:|--:|--:|",
+        "| on record | three-phase | 12 to 16 ohm | 2.26 to 2.52 A | 310 to 455 W | -97 to -47 mA "
+        "| 23 to 28 mA | 2 to 4 V |",
+    ]
+    lines += [
+        f"| `{s.name}` | {s.kind} | {s.resistance:.1f} ohm | {s.current:.2f} A | {s.power:.0f} W "
+        f"| {s.per_100_watt:+.0f} mA | {s.per_volt:+.1f} mA | {s.worth:.1f} V |"
+        for s in found
+    ]
+    return lines
+
+
+def draw(found: list[Slopes]) -> Figure:
+    """Draw both slopes of each three-phase machine beside the range on record."""
+    figure, axes = new_figure(2)
+    shown = [s for s in found if s.kind == "three-phase"]
+    names = [s.name for s in shown]
+    rows = (
+        ("mA per 100 W\nof load", PER_100_WATT, [s.per_100_watt for s in shown]),
+        ("mA per volt\nof supply", PER_VOLT, [s.per_volt for s in shown]),
+    )
+    for ax, (label, span, values) in zip(axes, rows, strict=True):
+        ax.axhspan(*span, color="0.85", label="machines on record")
+        ax.axhline(0.0, color="0.5", linewidth=0.6)
+        ax.plot(names, values, "o", color=COLOURS[0], label="library")
+        ax.set_ylabel(label)
+        ax.margins(x=0.2, y=0.2)
+    axes[0].set_title("Current or power? The current of three-phase machines falls with the load")
+    axes[0].legend(loc="upper right", frameon=False)
+    return figure
+
+
+def main() -> None:
+    """Write table and figure."""
+    found = list(library_slopes())
+    put_section(
+        EVIDENCE / "machines.md",
+        name="current-or-power",
+        heading="Current or power",
+        lines=section(found),
+    )
+    (DOCS / "figures" / "current_or_power.png").write_bytes(rendered(draw(found), ".png"))
+
+
+if __name__ == "__main__":
+    import argparse
+
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    main()
