@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import circulant, hadamard
+from scipy.linalg import hadamard
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
@@ -31,9 +31,9 @@ SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
 OBJECT_DIFFERENCE = 0.05
 # Slopes with thickness and place of an object change so much less over a coordinate [-].
 SLOWER = 0.2
-# Pairs of throws on opposite sides for a plane of few parameters, and for one near by; so many
-# parameters are thrown to both sides; throws within so many reaches make a plane together.
-FEWEST_PAIRS, MIRRORED, NEAR_REACHES = 4, 8, 3.0
+# Least pairs of throws on opposite sides for a plane, and those of one near by; throws within
+# so many reaches make a plane together.
+FEWEST_PAIRS, NEAR_REACHES = 4, 3.0
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
@@ -198,12 +198,9 @@ def points_about(
     count = len(parameters)
     half = orthogonal_signs(count)
     far = 0.5 + (np.arange(len(half)) + 0.5) / len(half)
-    rows = half[:, :count] if count <= MIRRORED else half[:, 1 : count + 1]
-    rows = rows * far[:, None]
+    rows = half[:, :count] * far[:, None]
     if turn is not None:
         rows = rows[(FEWEST_PAIRS * turn + np.arange(FEWEST_PAIRS)) % len(rows)]
-    if turn is not None or count <= MIRRORED:
-        rows = np.vstack([rows, -rows])
     return [
         {
             **values,
@@ -212,7 +209,7 @@ def points_about(
                 for p, side in zip(parameters, row, strict=True)
             },
         }
-        for row in rows
+        for row in np.vstack([rows, -rows])
     ]
 
 
@@ -248,23 +245,17 @@ def combined(responses: Sequence[Response], weights: NDArray[np.float64]) -> Res
 
 
 def orthogonal_signs(count: int) -> Floats:
-    """Return signs in orthogonal columns, at least so many; one more beyond `MIRRORED`.
+    """Return signs in orthogonal columns, at least so many.
 
     With the mirror image of each row no slope is taken for that of another parameter, nor for its
     change with a third (Plackett and Burman 1946, doi 10.1093/biomet/33.4.305).
 
     Examples
     --------
-    >>> [orthogonal_signs(count).shape for count in (2, 8, 9, 12)]
-    [(4, 4), (8, 8), (12, 12), (16, 16)]
-    >>> bool((orthogonal_signs(9).T @ orthogonal_signs(9) == 12.0 * np.eye(12)).all())
-    True
+    >>> [orthogonal_signs(count).shape for count in (2, 8)]
+    [(4, 4), (8, 8)]
     """
-    if MIRRORED < count < 12:
-        rows = circulant([1, -1, 1, 1, -1, 1, 1, 1, -1, -1, -1])
-        return np.column_stack([np.ones(12), np.vstack([rows, -np.ones(11)])])
-    columns = max(FEWEST_PAIRS, count + (count > MIRRORED))
-    return np.asarray(hadamard(1 << (columns - 1).bit_length()), dtype=np.float64)
+    return np.asarray(hadamard(1 << (max(FEWEST_PAIRS, count) - 1).bit_length()), dtype=np.float64)
 
 
 def leaders_of(
