@@ -18,7 +18,7 @@ from turnout.throw.output_rows import (
     OutputRows,
     RowBlock,
     clear_row_blocks,
-    kept_row_blocks,
+    kept_row_block,
     merge_blocks,
     sums_of_columns,
     weighted_columns,
@@ -206,15 +206,13 @@ def test_weights_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
     kept = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     made = list[int]()
 
-    def make() -> list[RowBlock]:
+    def make() -> RowBlock:
         made.append(1)
-        return [RowBlock(sums_of_columns("g", []), {})]
+        return RowBlock(sums_of_columns("g", []), {})
 
     shared = panel.rail
-    assert kept_row_blocks((shared,), ("once",), make) is kept_row_blocks(
-        (shared,), ("once",), make
-    )
-    assert kept_row_blocks((dict(shared),), ("once",), make)
+    assert kept_row_block((shared,), ("once",), make) is kept_row_block((shared,), ("once",), make)
+    assert kept_row_block((dict(shared),), ("once",), make)
     assert len(made) == 2
     clear_row_blocks()
     again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")

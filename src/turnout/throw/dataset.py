@@ -47,7 +47,7 @@ from turnout.throw.recovery import (
     Motion,
     histories_of,
     recover_motion,
-    row_blocks_of,
+    row_block_of,
 )
 from turnout.throw.route import DirectedMovement, sensor_rails
 from turnout.throw.save import Save
@@ -400,6 +400,7 @@ def _plain(value: object) -> object:
 
 OBJECTS = ("object_force", "single_object_force")
 SHAPES = ("gap", "lateral_displacement")
+FEW_ROWS = ("drive_force", "object", "link_force", "places")
 DRIVE_GAPS = ("drive_gap", "end_gap", "locked")
 SENSOR_GAPS = ("sensor_gap", "in_control")
 LEAST_DISTANCES = (
@@ -435,14 +436,13 @@ def channel_rows(
         save.keeps(*DRIVE_GAPS, *SENSOR_GAPS),
     )
 
-    def blocks() -> list[RowBlock]:
+    def block() -> RowBlock:
         objects, links, chairs, stops, gaps = wanted
-        few = [force_block(panel, mechanism, objects=objects, links=links)]
-        few += [place_block(panel, motion)] if gaps else []
-        many = [chair_block(panel, mechanism)] if chairs else []
-        many += [stop_block(panel, mechanism)] if stops else []
-        many += [] if x is None else [shape_block(panel, motion, x)]
-        return [merge_blocks(found) for found in (few, many) if found]
+        found = [force_block(panel, mechanism, objects=objects, links=links)]
+        found += [place_block(panel, motion)] if gaps else []
+        found += [chair_block(panel, mechanism)] if chairs else []
+        found += [stop_block(panel, mechanism)] if stops else []
+        return merge_blocks(found + ([] if x is None else [shape_block(panel, motion, x)]))
 
     named = (
         *(panel.rail, panel.stock_rail, panel.chair, panel.stop, panel.stud, panel.drive),
@@ -450,7 +450,6 @@ def channel_rows(
         *(index.chair, index.chair_friction, index.roller, index.roller_friction, index.stop),
     )
     values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
-    arrays = dict[str, Floats]()
-    for block in row_blocks_of(motion, named, values, blocks):
-        arrays |= block.over_time(histories_of(history))
-    return arrays
+    made = row_block_of(motion, named, values, block).over_time(histories_of(history))
+    # those of few rows do not keep the memory of all
+    return {name: rows.copy() if name in FEW_ROWS else rows for name, rows in made.items()}

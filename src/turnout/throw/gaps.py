@@ -25,7 +25,7 @@ from turnout.throw.recovery import (
     histories_of,
     lateral_rows,
     output_rows,
-    row_blocks_of,
+    row_block_of,
     row_terms,
     stack_terms,
 )
@@ -219,7 +219,7 @@ def place_block(panel: Panel, motion: Motion) -> RowBlock:
 def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
     """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
     named = (gap_places(panel), panel.rail, panel.stock_rail)
-    (block,) = row_blocks_of(motion, named, ("gaps",), lambda: [place_block(panel, motion)])
+    block = row_block_of(motion, named, ("gaps",), lambda: place_block(panel, motion))
     return block.over_time(histories_of(motion.history))["places"]
 
 

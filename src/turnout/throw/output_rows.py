@@ -209,27 +209,27 @@ def stack_rows(rows: Sequence[OutputRows]) -> OutputRows:
 
 # What weights depend on is named by identity, and kept beside them so that nothing else takes its
 # place.
-_blocks = LRUCache[tuple[tuple[RowBlock, ...], Sequence[object]]](16)
+_blocks = LRUCache[tuple[RowBlock, Sequence[object]]](16)
 
 
-def kept_row_blocks(
-    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], Sequence[RowBlock]]
-) -> tuple[RowBlock, ...]:
-    """Return blocks of rows, made once for the same objects and values.
+def kept_row_block(
+    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], RowBlock]
+) -> RowBlock:
+    """Return a block of rows, made once for the same objects and values.
 
     Parameters
     ----------
     named : sequence of object
-        Objects that they depend on and throws share, known by identity and not changed any more.
+        Objects that it depends on and throws share, known by identity and not changed any more.
     values : sequence of hashable
-        Further values that they depend on.
+        Further values that it depends on.
     make : callable
-        Makes them.
+        Makes it.
     """
     key = (*map(id, named), *values)
     kept = _blocks.get(key)
     if kept is None:
-        kept = _blocks.put(key, (tuple(make()), named))
+        kept = _blocks.put(key, (make(), named))
     return kept[0]
 
 

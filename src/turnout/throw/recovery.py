@@ -28,7 +28,7 @@ from turnout.throw.output_rows import (
     HISTORIES,
     OutputRows,
     RowBlock,
-    kept_row_blocks,
+    kept_row_block,
     weighted_columns,
 )
 from turnout.throw.stored_displacements import stored_rows, stored_share
@@ -286,17 +286,17 @@ def output_rows(
     return weighted_columns(start + sign * terms.load, weights)
 
 
-def row_blocks_of(
+def row_block_of(
     motion: Motion,
     named: Sequence[object],
     values: Sequence[Hashable],
-    make: Callable[[], Sequence[RowBlock]],
-) -> tuple[RowBlock, ...]:
-    """Return blocks that depend on the rails and the laws of a run too, see `kept_row_blocks`."""
+    make: Callable[[], RowBlock],
+) -> RowBlock:
+    """Return a block that depends on the rails and the laws of a run too, see `kept_row_block`."""
     laws = motion.history.laws
     of_rails = (motion.shapes, motion.rows, motion.condensed)
     of_laws = (part.tobytes() for part in (motion.slope, laws.row, laws.friction_row))
-    return kept_row_blocks((*named, *of_rails), (*values, *of_laws), make)
+    return kept_row_block((*named, *of_rails), (*values, *of_laws), make)
 
 
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
