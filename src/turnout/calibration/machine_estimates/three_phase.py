@@ -48,6 +48,9 @@ INRUSH_SPREAD = 0.2
 RESOLVED, LEAST_INRUSH = 0.9, 1.5
 """An inrush is resolved where two samples in a row are at least this share of the largest, which is
 at least so much of the running current [-]."""
+LEAST_RESOLVED = 0.5
+"""Share of the throws whose inrush is resolved from which it is used: a few are those whose first
+samples began before the contactor closed [-]."""
 STARTS = tuple((r, n) for r in (0.15, 0.45, 0.75) for n in (1.5, 4.0, 8.0))
 """Resistance as a share of the largest that the power allows, and saturation, of the starts [-]."""
 MOST_SATURATION = 20.0
@@ -588,9 +591,9 @@ def _circuit(
 ) -> tuple[_Fitted, int, Estimate]:
     """Return the circuit I_0, R, n, X_l, delta; how many starts ended at it; X_l as allowed for.
 
-    The leakage is assumed first and, where inrushes were recorded, taken from them by the circuit
-    so found. The running currents do not choose it: a main branch that bends otherwise than by a
-    power would be taken for leakage. What R and n change over a deviation of it is added.
+    The leakage is assumed first and, where most throws resolve their inrush, taken from them by the
+    circuit so found. The running currents do not choose it: a main branch that bends otherwise than
+    by a power would be taken for leakage. What R and n change over a deviation of it is added.
     """
     current, most = float(line.values[0]), _largest_resistance(point[1], line)
     assumed = LEAKAGE_SHARE * point[0] / (math.sqrt(3.0) * current)
@@ -610,7 +613,8 @@ def _circuit(
     starts = [np.array([current, share * most, n, 0.0]) for share, n in STARTS]
     fitted, same = fit(starts, leakage.value)
     inrush = np.array([t.inrush for t in throws if t.inrush is not None])
-    for _ in range(2 if len(inrush) >= LEAST_THROWS else 0):
+    resolved = len(inrush) >= max(LEAST_THROWS, LEAST_RESOLVED * len(throws))
+    for _ in range(2 if resolved else 0):
         circuit = _circuit_of(np.insert(fitted.values, 3, leakage.value), *point)
         leakage = _leakage(circuit, inrush)
         fitted, _ = fit([fitted.values], leakage.value)
