@@ -182,6 +182,7 @@ def test_a_line_speed_takes_its_class_of_the_panels_limits(tmp_path: Path) -> No
     text = HEAD + CLASS.format("40 km/h", "12 mm") + CLASS.format("80 km/h", "10 mm")
     file = limits_file(tmp_path, text)
     own = panel.with_settings([f"gauge.limits={file}", "gauge.line_speed=50 km/h"])
+    assert panel.with_settings([f"gauge.limits={file}"]).hash != panel.hash
     file.unlink()
     assert own.with_overrides({"chair.friction_coefficient": 0.3}).gauge_limit == 1.425
     assert panel.with_overrides({"gauge.limits": "immediate-action"}).hash == panel.hash

@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from turnout.machine.compute.induction import gamma_impedance
+from turnout.core.errors import MachineError
+from turnout.machine.compute import places as at
+from turnout.machine.compute.induction import drop_fluxes, gamma_impedance
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor_kind import gamma_point
+from turnout.machine.motor_kind import Induction, gamma_point
 
 
 def textbook(slip: float, values: tuple[float, float, float, float], speed: float) -> complex:
@@ -51,3 +53,23 @@ def test_steady_torque_is_the_power_across_the_air_gap() -> None:
         through = stator * main / (main + rotor)
         expected = 3.0 * pairs / speed * np.abs(through) ** 2 * r_r / slip
         assert torque == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_main_branch_without_a_flux_of_its_own_is_refused() -> None:
+    """At 9 the branch would take no current at all below the rated flux: no point is left."""
+    with pytest.raises(MachineError, match="main_saturation"):
+        load_machines("three-phase", overrides={"motor.main_saturation": 9.0})
+    steep = load_machines("three-phase", overrides={"motor.main_saturation": 8.9})
+    motor, supply = steep.machine["three-phase"].motor, steep.machine["three-phase"].supply
+    torque, _ = gamma_point(motor, supply, 150.0)
+    assert torque > 0.0
+
+
+def test_a_motor_that_was_switched_off_starts_as_at_first() -> None:
+    machine = load_machines("three-phase").machine["three-phase"]
+    constants, state = np.zeros(at.CONSTANTS), np.zeros(at.STATES)
+    for place, value in Induction().places(machine.motor, machine.supply).items():
+        constants[place] = value
+    state[[at.STATOR_FLUX, at.MAIN_EXCESS]] = 0.9, 0.4
+    drop_fluxes(constants, state)
+    assert not state[[at.STATOR_FLUX, at.MAIN_EXCESS]].any()

@@ -72,7 +72,7 @@ LEAST_SCATTER, SAYS_SOMETHING = 5e-3, 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Budget:
-    """How many throws a search may take.
+    """Number of throws that a search may take.
 
     Attributes
     ----------
@@ -95,13 +95,13 @@ class _Budget:
 
     @property
     def is_spent(self) -> bool:
-        """Whether no further fit is to begin."""
+        """True if no further fit is to begin."""
         return self.spent >= self.most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CauseSearch:
-    """What a search for causes came to.
+    """Result of a search for causes.
 
     Attributes
     ----------

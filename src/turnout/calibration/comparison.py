@@ -1,4 +1,4 @@
-"""How one measured movement is compared with a simulated one: alignment, noise, nuisances.
+"""Comparison of a measured movement with a simulated one: alignment, noise, nuisances.
 
 What differs from movement to movement, and is not fitted, has a prior and is integrated out: the
 true onset, the zero of each channel, and parameters that scatter, such as friction. Whitened
@@ -65,7 +65,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """How movements are compared.
+    """Settings of the comparison of movements.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sensitivity:
-    """How a movement answers to a parameter that scatters.
+    """Response of a movement to a parameter that scatters.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class Sensitivity:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Alignment:
-    """How one movement is compared: bins, onset, and the whitening of its residuals.
+    """Comparison of one movement: bins, onset, and the whitening of its residuals.
 
     Attributes
     ----------

@@ -81,7 +81,7 @@ class ThrowInputs:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Response:
-    """What is kept of a simulation.
+    """Kept values of a simulation.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether columns of rods are exchanged, by where a panel says that an object loads them."""
+"""Detection of exchanged columns of rods by the loads that a panel expects of an object."""
 
 from collections.abc import Sequence
 

@@ -180,7 +180,7 @@ MAX_STEP = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """Where a fit ended.
+    """End of a fit.
 
     Attributes
     ----------

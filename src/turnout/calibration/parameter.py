@@ -1,4 +1,4 @@
-"""What a calibration may change: named values of a panel with bounds, unit and transform."""
+"""Parameters of a calibration: named values of a panel with bounds, unit and transform."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a simulation says that the bins of a measured movement should hold."""
+"""Prediction of the bins of a measured movement by a simulation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

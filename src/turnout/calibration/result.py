@@ -22,7 +22,7 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StageLog:
-    """What one stage did.
+    """Record of one stage.
 
     Attributes
     ----------

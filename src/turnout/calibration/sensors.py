@@ -282,7 +282,7 @@ class FoundSensor:
 
     @property
     def warning(self) -> str:
-        """What to do where it leaves its prior."""
+        """Advice where it leaves its prior."""
         remedy = {
             GAIN: "calibrate the channel (shunt or known loads), state gain_uncertainty in the "
             "channel map, or look for another cause",
@@ -300,7 +300,7 @@ class FoundSensor:
 
     @property
     def leaves(self) -> bool:
-        """Whether the movements put it beyond what was stated of it."""
+        """True if the movements put it beyond what was stated of it."""
         return abs(self.value) > LEAVES_PRIOR * self.stated
 
 

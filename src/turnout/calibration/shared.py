@@ -1,4 +1,4 @@
-r"""What all movements share: sensitivities of the channels, and what the model misses in each.
+r"""Sensitivities of the channels and the discrepancy of each, which all movements share.
 
 Both are Gaussian with known directions, so they are integrated out. With the movements whitened one
 by one, the covariance of all residuals together is

@@ -1,4 +1,4 @@
-"""Where a fit starts: near by, or in several places where stages were skipped."""
+"""Starts of a fit: near by, or in several places where stages were skipped."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SECONDS_BETWEEN_LINES = 2.0
 CAUSES = ("all", "none")
 GIVEN = "the panel as stated: fastenings, gaps, sections and weight of its rails"
-"""What the intervals are conditional on, beside what is fitted."""
+"""Conditions of the intervals, beside the fitted values."""
 LEAST_LEFT, LEAST_THROWS = 5.0, 10
 """Below this time [s], and before so many throws, the time left is not estimated."""
 

@@ -54,7 +54,8 @@ def _rows(fit: "ThreePhaseFit") -> Iterator[tuple[str, str]]:
     load = f" and {fit.power:.0f} W" if math.isfinite(fit.power) else ", at the mean load"
     at = f"current at {fit.rated_voltage:g} V{load}"
     yield "current", _stated(fit.current, "A", 3, what=at)
-    yield "per volt", _stated(fit.per_volt, "mA/V", 1, scale=1e3, what="over throws, same power")
+    what = "over throws" if "P" in fit.missing else "over throws, same power"
+    yield "per volt", _stated(fit.per_volt, "mA/V", 1, scale=1e3, what=what)
     what = "within throws, same voltage"
     yield "per 100 W", _stated(fit.per_watt, "mA", 1, scale=1e5, what=what)
     yield "line + stator", _stated(fit.resistance, "ohm", 2, what="of a phase, as warm as it was")

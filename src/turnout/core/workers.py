@@ -28,7 +28,7 @@ REPORT_INTERVAL = 0.5
 
 
 class Workers:
-    """Where jobs are done; use as a context manager.
+    """Pool that does jobs; use as a context manager.
 
     Parameters
     ----------

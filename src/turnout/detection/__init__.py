@@ -1,4 +1,4 @@
-"""What can be seen of a trapped object, and the detector: floor, bound, training, verdicts."""
+"""Detection of a trapped object: floor, bound, training, verdicts."""
 
 from turnout.core.lazy import loader
 

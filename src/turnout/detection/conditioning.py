@@ -1,4 +1,4 @@
-r"""What an observation says of normal quantities: the update of Kalman (1960).
+r"""Conditioning of normal quantities on an observation: the update of Kalman (1960).
 
 .. math:: x \sim N(\mu, P), \quad y = H x + e, \quad e \sim N(0, R) \;\Rightarrow\;
     x | y \sim N\left(\mu + K (y - H \mu),\; P - K H P\right), \qquad

@@ -1,4 +1,4 @@
-"""What a detector meets besides the population: discrepancy, noise, history, false alarms."""
+"""Conditions of a detector besides the population: discrepancy, noise, history, false alarms."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ CAMPAIGN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorModel:
-    r"""What a measured throw may differ by from a simulated one: discrepancy and noise.
+    r"""Differences of a measured throw from a simulated one: discrepancy and noise.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class ErrorModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions(ErrorModel):
-    """What a detector meets besides the population: errors, history, rate of false alarms.
+    """Conditions of a detector besides the population: errors, history, rate of false alarms.
 
     Attributes
     ----------
@@ -139,4 +139,4 @@ RULES: dict[str, tuple[Callable[[float], bool], str, str]] = {
     ),
     "level_deviation": (lambda value: 0.0 <= value < math.inf, "", "must be 0 or more"),
 }
-"""What holds of each value, its unit, and what is said where it does not."""
+"""Condition on each value, its unit, and the message where it does not hold."""

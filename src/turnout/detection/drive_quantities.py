@@ -1,4 +1,4 @@
-"""What is recorded of each drive: its force, and of a machine its current and power."""
+"""Recorded quantities of each drive: its force, and of a machine its current and power."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What a detector looks at: means of the drive forces over short windows, and their errors."""
+"""Features of a detector: means of the drive forces over short windows, and their errors."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

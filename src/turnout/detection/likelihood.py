@@ -90,7 +90,7 @@ class Signatures:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Centre:
-    """What is needed of one friction level to judge throws, by the root of its covariance.
+    """Terms of one friction level for judging throws, by the root of its covariance.
 
     Attributes
     ----------

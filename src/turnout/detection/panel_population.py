@@ -34,14 +34,14 @@ SCATTER = {
     "section_scale": SHARE,
     "lateral_inertia_scale": SHARE,
 }
-"""How inputs scatter about the value of a panel; others have a range that all panels share."""
+"""Scatter of inputs about the value of a panel; others have a range that all panels share."""
 BOUNDS = {
     "over_travel_closed": (0.0, np.inf),
     "stress_free": (0.0, 1.0),
     "extra_time": (0.0, np.inf),
     "ramp": (0.0, np.inf),
 }
-"""What values may be."""
+"""Bounds of values."""
 MIDDLES = ("minimum", "maximum", "mean", "median", "mode")
 """Parameters of distributions that are values, not spreads."""
 

@@ -1,4 +1,4 @@
-r"""How the discrepancy between model and switch shows in forces, currents and powers.
+r"""Discrepancy between model and switch in forces, currents and powers.
 
 The discrepancy is one of the force. At a machine, current and power follow the force, so an error
 :math:`\delta_F` of the force shows in them through the local gain of the machine's map:
@@ -44,7 +44,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalErrors:
-    """How errors of the force show in each signal, from the nominal sound throw.
+    """Response of each signal to errors of the force, from the nominal sound throw.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How errors of the force show in currents and powers: the nominal sound throw, simulated."""
+"""Errors of the force in currents and powers: the nominal sound throw, simulated."""
 
 from collections.abc import Sequence
 

@@ -63,7 +63,7 @@ RESOLUTION = 0.1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Throws:
-    """What the bound is computed from.
+    """Inputs of the bound.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ STRIBECK_SPEED = 0.005
 
 @dataclass(frozen=True, slots=True)
 class FrictionCurve:
-    """Friction coefficient over speed, `turnout.law.friction.curve_factor`.
+    """Friction coefficient over speed; see `turnout.law.friction.FrictionCourses.over_speed`.
 
     Attributes
     ----------

@@ -90,7 +90,7 @@ class Gear(JudgedRecord):
 
 
 class Stroke(JudgedRecord):
-    """How the rod position follows from the shaft angle."""
+    """Rod position over shaft angle."""
 
     kind: Literal["screw", "crank", "table"] = Field(
         "screw", description="a constant ratio, a crank of half a turn, or a table"
@@ -333,7 +333,7 @@ class OneMassRail(Record):
 
 
 class Command(Record):
-    """What the interlocking asks for, and when."""
+    """Commands of the interlocking and their times."""
 
     time: Time = Field(ge=0, description="[s]")
     direction: Literal["close", "open"] = "close"

@@ -31,7 +31,7 @@ class LoadedMachines(MachineFile):
 
     @property
     def origins(self) -> Mapping[str, Origin]:
-        """Where each value comes from, by key; an override has the kind "override"."""
+        """Origin of each value by key; an override has the kind "override"."""
         return self._origins
 
     @property

@@ -113,7 +113,7 @@ class Motor(JudgedRecord):
     main_saturation: float | None = Field(
         None,
         ge=1,
-        le=9,
+        lt=9,
         description="d ln i/d ln psi of the magnetising branch at the rated flux; default 1, none "
         "[-]",
     )
@@ -142,7 +142,7 @@ class Motor(JudgedRecord):
 
     @property
     def of_kind(self) -> "MotorKind":
-        """What its kind computes, takes and draws."""
+        """Record of its kind."""
         return MOTOR_KINDS[self.kind]
 
     def faults(self) -> Iterator[str]:
@@ -164,7 +164,7 @@ class Motor(JudgedRecord):
 
 
 class Supply(Record):
-    """What feeds the machine, as it is and not as it is rated."""
+    """Supply of the machine, actual and not rated."""
 
     voltage: Voltage | None = Field(
         None, gt=0, description="at its terminals; default the motor's rated one [V]"
@@ -543,7 +543,7 @@ def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, Stea
     the main branch saturates its flux is that which it leaves.
     """
     excess = 0.0
-    if motor.main_saturation:
+    if (motor.main_saturation or 1.0) > 1.0:
         from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
         numbers = Induction().places(motor, supply)

@@ -90,7 +90,7 @@ def rod_before(mechanism: Mechanism, rail: OneMassRail) -> float:
         From `one_mass_mechanism`.
     rail : OneMassRail
     """
-    from scipy.optimize import brentq  # slow to load; sweeps of markers need none
+    from scipy.optimize import brentq  # slow to load
 
     assert mechanism.machines is not None
     x = float(mechanism.machines.start[0, at.ROD_POSITION])

@@ -16,7 +16,7 @@ from turnout.core.quantity import Record
 from turnout.core.units import SI
 from turnout.panel.check_rails import rising_fault
 from turnout.panel.document import Document
-from turnout.panel.model import GaugeClass
+from turnout.panel.model import GaugeClass, TrackGauge
 
 DEFAULT_LIMITS = "immediate-action"
 """Limits of the library that are taken unless others are named."""
@@ -38,10 +38,10 @@ class GaugeLimits:
         Examples
         --------
         >>> limits = load_gauge_limits("immediate-action")
-        >>> [round(3.6 * limits.highest_speed(narrowing)) for narrowing in (7e-3, 8.2e-3, 0.01)]
-        [230, 120, 0]
+        >>> [round(3.6 * limits.highest_speed(narrowing)) for narrowing in (1.435 - 1.428, 0.01)]
+        [230, 0]
         """
-        allowed = [item.up_to for item in self.classes if narrowing <= item.narrowing]
+        allowed = [c.up_to for c in self.classes if round(narrowing, 9) <= c.narrowing]
         return max(allowed, default=0.0)
 
 
@@ -112,6 +112,11 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
         problems = validation_problems(error.errors(), allowed=lambda _: _KEYS)
         raise PanelError(problems, source=f"limits of gauge {file.source}") from None
     return GaugeLimits(found.name, tuple(found.classes))
+
+
+def has_default_limits(gauge: TrackGauge | None) -> bool:
+    """Return True if a panel has the limits that are put in place where it names none."""
+    return gauge is not None and gauge.limits == [*load_gauge_limits(DEFAULT_LIMITS).classes]
 
 
 def _rising(classes: list[GaugeClass]) -> list[GaugeClass]:

@@ -22,7 +22,7 @@ from turnout.core.toml import Origin, TomlFile
 from turnout.panel.check import check
 from turnout.panel.compiled_keys import CompiledKeys, compile_keys
 from turnout.panel.document import Document, expand
-from turnout.panel.gauge_limits import with_gauge_limits
+from turnout.panel.gauge_limits import has_default_limits, with_gauge_limits
 from turnout.panel.library_members import add_library_members
 from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
@@ -214,7 +214,9 @@ class LoadedPanel(Panel):
             if values["gauge"] is None:  # and one without data of its gauge
                 del values["gauge"]
             elif values["gauge"]["line_speed"] is None:  # and one judged by a limit of its own
-                del values["gauge"]["line_speed"], values["gauge"]["limits"]
+                del values["gauge"]["line_speed"]
+                if has_default_limits(self.gauge):
+                    del values["gauge"]["limits"]
             for rail in values["rail"].values():  # and one that touches, before edges could meet
                 if rail["gauge_widening"] is None:
                     del rail["gauge_widening"]

@@ -103,7 +103,7 @@ class _SystemLayout:
 
 
 class _Indices(NamedTuple):
-    """Where laws act, as bytes, and which of them have base segments."""
+    """Rows of laws, as bytes, and which of them have base segments."""
 
     contents: tuple[bytes, ...]
     bases: BasePlaces
@@ -111,7 +111,7 @@ class _Indices(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Structure:
-    """What condensed rails depend on, but for their rows: matrices by identity, and the laws."""
+    """Inputs of condensed rails but for their rows: matrices by identity, and the laws."""
 
     matrices: int
     laws: Hashable

@@ -42,7 +42,7 @@ _MATRICES = ("stiffness", "mass", "damping")
 
 @dataclass(frozen=True, eq=False)
 class _Given:
-    """What the modal model of a block follows from, and the rail that it is if it is one alone.
+    """Matrices behind the modal model of a block, and the rail that it is if it is one alone.
 
     `at_rows` are the stiffnesses of laws at its rows [N/m]; the rows that are `first` lead if they
     can.

@@ -80,7 +80,7 @@ def schedule_time(time: Floats, pauses: Sequence[Pause]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class MachineHistory:
-    """What the machines of a run leave behind, at its stored instants.
+    """Histories of the machines of a run at its stored instants.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class MachineHistory:
 
     @cached_property
     def duties(self) -> tuple[Duty, ...]:
-        """What every machine did on every command that it was given."""
+        """Duty of every machine on every command that it was given."""
         return tuple(
             duty
             for number, name in enumerate(self.names)
@@ -182,7 +182,7 @@ class MachineHistory:
 
     @cached_property
     def losses(self) -> Mapping[str, Floats]:
-        """What each machine lost by `LOSSES`, shape (n_booked, n) [J]."""
+        """Losses of each machine by `LOSSES`, shape (n_booked, n) [J]."""
         return {name: self.sums(*places) for name, places in LOSSES.items()}
 
     @cached_property
@@ -198,7 +198,7 @@ class MachineHistory:
 
     @cached_property
     def numerical(self) -> Floats:
-        """What the schemes lose, shape (n_booked, n) [J].
+        """Energy lost by the schemes, shape (n_booked, n) [J].
 
         In what a machine stores, and where its work into the rod by its own sums differs from that
         by the sums of the rails.

@@ -1,4 +1,4 @@
-"""What a machine did on each command: when its motor was on, and what switched it off."""
+"""Duty of a machine on each command: when its motor was on, and what switched it off."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ LEAST_MOVE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Duty:
-    """What a machine did on one command.
+    """Duty of a machine on one command.
 
     Attributes
     ----------

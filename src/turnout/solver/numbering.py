@@ -126,7 +126,7 @@ def _order_by_terms(weights: Floats) -> Ints:
 
 
 PLACED = ("row", "friction_row", "friction_normal")
-"""What differs in laws whose rows are places."""
+"""Fields in which laws differ whose rows are places."""
 
 
 def place_laws(laws: LawTable, of_row: Ints) -> LawTable:

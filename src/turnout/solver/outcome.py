@@ -115,7 +115,7 @@ class Outcome:
 
     @property
     def complete(self) -> bool:
-        """Whether the run reached its end."""
+        """True if the run reached its end."""
         return self.code is Code.COMPLETE
 
     def message(self) -> str:

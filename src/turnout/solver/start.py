@@ -1,4 +1,4 @@
-"""Where a run starts: static equilibrium without friction, or the state that a motion leaves.
+"""Start of a run: static equilibrium without friction, or the state that a motion leaves.
 
 Friction at rest is history: any force between the limits of its foot holds. Without a prior motion
 the feet are free of it. A prior motion is integrated with the laws and modes of the run, from an
@@ -87,7 +87,7 @@ class PriorMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _StateLeft:
-    """What a prior motion leaves; `frame` is held so that its identity stays its own."""
+    """State that a prior motion leaves; `frame` is held so that its identity stays its own."""
 
     frame: Frame
     segment: Ints
@@ -233,7 +233,7 @@ def _prior_times(scheme: Scheme, duration: float) -> Floats:
 
 
 _FROZEN = ("appears", "disappears", "offset", "slope", "intercept", "potential")
-"""What differs in laws that are absent at the start or appear later."""
+"""Fields in which laws differ that are absent at the start or appear later."""
 
 
 def _without_timed_laws(arrangement: Arrangement) -> LawTable:

@@ -46,7 +46,7 @@ STILL = 1e-12
 
 
 class Stepping(NamedTuple):
-    """How a run steps: nominal step [s], generalised-alpha coefficients [-], and choices.
+    """Stepping of a run: nominal step [s], generalised-alpha coefficients [-], and choices.
 
     A step may be halved `halvings` times; every `stride`-th instant is stored; without `inertia`
     the integrator is that of `turnout.solver.quasistatic`.

@@ -1,4 +1,4 @@
-"""What is taken of a run while it goes on, where its whole instants would be more than is wanted.
+"""Values taken of a run while it goes on, where its whole instants would be more than is wanted.
 
 Labels and features need the forces of a few laws at every instant and the displacements of a few
 points at some; a whole instant is fifty times as much, and most of it would go to memory and back
@@ -28,7 +28,7 @@ BALANCE_EVERY = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Watch:
-    """What is wanted of a run.
+    """Wanted values of a run.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Watch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Watched:
-    """What a watched run leaves of instants that are not stored whole; n is the number of them all.
+    """Values of instants that a watched run does not store whole; n is the number of them all.
 
     Attributes
     ----------

@@ -198,7 +198,7 @@ class ThrowEnd:
 
     @property
     def broke(self) -> tuple[bool, ...]:
-        """Whether each object broke."""
+        """True for each object that broke."""
         return tuple(count > 0 for count in self.broken)
 
 

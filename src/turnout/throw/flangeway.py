@@ -146,7 +146,7 @@ class DistancesFound(NamedTuple):
 
 
 UNKNOWN = LeastDistance(np.nan, np.nan, "")
-"""Where the panel does not say what a distance takes."""
+"""Values of distances that the panel does not state."""
 
 # Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
 # takes their place.

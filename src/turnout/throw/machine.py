@@ -116,7 +116,7 @@ class MachineThrow:
     time : ndarray, shape (n,)
         [s].
     histories : mapping of str to ndarray, shape (n,)
-        `current` and `power` as drawn or as in the motor lead (see `circuit.measured_current`),
+        `current` where the clamp sits (`circuit.measured_current`), `power` as drawn,
         `speed`, `rod_force`, `rod_position`, `rail_position`, `clutch_slip`, `clutch_torque`,
         `rail_friction`, ..., and the energies `energy_*` from time 0 [J]; units in `ABOUT`.
     events : tuple of (float, str)

@@ -446,7 +446,7 @@ def slip_estimate(levels: Sequence[SlipLevel]) -> Estimate | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClutchTrend:
-    """How the slip current of a clutch changes from movement to movement.
+    """Change of the slip current of a clutch from movement to movement.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceAnchor:
-    """What an ampere means in newtons, and from where that is known.
+    """Force per ampere of a machine, and its source.
 
     Attributes
     ----------

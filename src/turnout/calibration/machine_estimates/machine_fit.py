@@ -1,4 +1,4 @@
-"""What the currents of a campaign say of its machines: idle current, amperes per kN, slip current.
+"""Estimates of machines from the currents of a campaign: idle, amperes per kN, slip current.
 
 Per drive and direction, with intervals; in newtons only by an anchor. A permanent magnet, a
 series motor and a gear leave the same traces in a current in many combinations, so what cannot be
@@ -67,7 +67,7 @@ class Gauge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sister:
-    """What is known of a machine of the same type.
+    """Knowledge of a machine of the same type.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Usage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveFit:
-    """What the currents say of one drive in one direction.
+    """Estimates of one drive in one direction from its currents.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class DriveFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFit:
-    """What the currents of a campaign say of its machines.
+    """Estimates of the machines of a campaign from their currents.
 
     Attributes
     ----------

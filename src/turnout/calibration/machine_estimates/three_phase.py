@@ -62,6 +62,8 @@ LEAST_ANGLE = 0.03
 """Least power factor of a running machine; below, power or current has another unit [-]."""
 VOLTAGE_RANGE = (0.7, 1.4)
 """Recorded over rated voltage; beyond, it has another unit or is that of a phase [-]."""
+POWER_PER_AMPERE = 200.0
+"""Power that counts as an ampere where the running time is sought in power alone [W/A]."""
 CHANNELS = {"voltage": "drive_voltage", "current": "drive_current", "power": "drive_power"}
 LETTERS = {"voltage": "U", "current": "I", "power": "P"}
 
@@ -73,8 +75,6 @@ class ThrowMeans:
     Attributes
     ----------
     name : str
-    duration : float
-        From the contactor to the cut-off [s].
     voltage, current, power : ndarray, shape (2, n_blocks), or None
         Means over the even and the odd samples of each block: between lines [V], of a line [A],
         active [W]; None where not recorded.
@@ -83,7 +83,6 @@ class ThrowMeans:
     """
 
     name: str
-    duration: float
     voltage: Floats | None
     current: Floats | None
     power: Floats | None
@@ -108,7 +107,7 @@ class Departure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThreePhaseFit:
-    """What voltage, current and power of throws say of one three-phase machine, at the recorder.
+    """Estimates of one three-phase machine from voltage, current and power, at the recorder.
 
     Attributes
     ----------
@@ -123,7 +122,8 @@ class ThreePhaseFit:
     current : Estimate or NotIdentified
         At the rated voltage and the power of reference; without power at the mean load [A].
     per_volt : Estimate or NotIdentified
-        Rise of the current with the voltage at the same power, over throws [A/V].
+        Rise of the current with the voltage at the same power, over throws; without power at
+        whatever it was [A/V].
     per_watt : Estimate or NotIdentified
         Rise of the current with the power at the same voltage, within throws [A/W].
     resistance : Estimate or NotIdentified
@@ -161,7 +161,7 @@ class ThreePhaseFit:
 
     @property
     def verdict(self) -> str:
-        """How well the circuit follows, beside the straight line in U and P."""
+        """Fit of the circuit beside that of the straight line in U and P, in words."""
         if not math.isfinite(self.left[1]):
             return "no current was recorded: nothing to follow"
         if self.missing:
@@ -211,7 +211,7 @@ def fit_three_phase(
     rated_voltage : float
         Between lines, rms [V].
     to_neutral : bool
-        Whether the recorded voltages are those of a phase.
+        True if the recorded voltages are those of a phase.
     free : sequence of str
         Movements with the rod off.
 
@@ -251,7 +251,7 @@ def fit_three_phase(
 def throw_means(
     campaign: xr.Dataset, drive: str, *, to_neutral: bool = False
 ) -> Iterator[ThrowMeans]:
-    """Yield what a campaign has of a drive while its motor runs, one throw after the other."""
+    """Yield the block means of a drive while its motor runs, throw by throw."""
     rows: dict[str, Floats] = {}
     for what, channel in CHANNELS.items():
         if channel in campaign:
@@ -268,7 +268,7 @@ def throw_means(
     for number, name in enumerate(map(str, campaign["movement"].values)):
         one = {what: values[number] for what, values in rows.items()}
         known = np.all([np.isfinite(values) for values in one.values()], axis=0)
-        by = one["current"] if "current" in one else one["power"] / 200.0
+        by = one["current"] if "current" in one else one["power"] / POWER_PER_AMPERE
         on, off = running_time(time[known], by[known])
         inside = np.flatnonzero(known & (time >= on + SETTLED) & (time <= off - MARGIN))
         count = inside.size // length
@@ -282,7 +282,6 @@ def throw_means(
         start = np.flatnonzero(known & (time >= on - 0.1) & (time <= on + SETTLED))
         yield ThrowMeans(
             name=name,
-            duration=off - on,
             voltage=means.get("voltage"),
             current=means.get("current"),
             power=means.get("power"),
@@ -405,7 +404,6 @@ class _Fitted:
     values: Floats
     covariance: Floats
     left: Floats
-    cost: float
 
     def parameter(self, at: int, count: int) -> Estimate:
         """Return the estimate of a parameter."""
@@ -463,7 +461,7 @@ def _fitted(
     meat = scores.T @ scores * blocks.count / max(blocks.count - jac.shape[1], 1)
     bread = np.linalg.pinv(jac.T @ jac, rcond=1e-13)
     left = rest[size:] * weights[1]
-    return _Fitted(best.x, bread @ meat @ bread, left, float(best.cost)), same
+    return _Fitted(best.x, bread @ meat @ bread, left), same
 
 
 def _rms(values: Floats) -> float:

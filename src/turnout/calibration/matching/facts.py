@@ -65,7 +65,7 @@ class SumRecord(TermRecord):
 
 
 class FactRecord(SumRecord):
-    """What a panel must meet."""
+    """Fact that a panel must meet."""
 
     least: Number | None = Field(None, description="least allowed")
     most: Number | None = Field(None, description="largest allowed")
@@ -90,7 +90,7 @@ class FactRecord(SumRecord):
 
 
 class MeasurementRecord(SumRecord):
-    """What could be measured on the track, by a throw or directly."""
+    """Measurement on the track, by a throw or directly."""
 
     parameter: str | None = Field(
         None, description="a parameter that is measured itself, in place of a measure"
@@ -118,7 +118,7 @@ class FactsRecord(Record):
 Floats = NDArray[np.float64]
 PACKAGE = "turnout.calibration.matching"
 OF_MACHINES = "machine."
-"""How keys of machines begin."""
+"""Beginning of keys of machines."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,7 +175,7 @@ class Term:
 
     @property
     def throw(self) -> tuple[str, tuple[tuple[str, Any], ...], bool]:
-        """What tells its throw from others: object, changed values, and whether by machines."""
+        """Object, changed values, and whether by machines: what sets its throw apart."""
         return self.object, self.changes, MEASURES[self.measure].by_machines
 
 
@@ -216,7 +216,7 @@ class Sum:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """What is not known of a panel, and what its throws must meet.
+    """Unknowns of a panel, and facts that its throws must meet.
 
     Attributes
     ----------

@@ -51,12 +51,12 @@ SAVE = Save(
         *("least_gauge", "drive_current"),
     )
 )
-"""What measures need of a throw."""
+"""Outputs of a throw that measures need."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evaluation:
-    """What a panel does with the facts.
+    """Values of the facts for one panel.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the accepted panels have in common: ranges, combinations, and what would separate them."""
+"""Ranges and combinations of the accepted panels, and measurements that would separate them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ class Combination:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """What a further measurement is expected to do to the accepted panels.
+    """Expected effect of a further measurement on the accepted panels.
 
     Attributes
     ----------

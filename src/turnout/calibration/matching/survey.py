@@ -120,7 +120,7 @@ STAGE = "measurements and answers"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Survey:
-    """What each accepted panel shows.
+    """Behaviour of each accepted panel.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether a calibrated model may be trusted on movements that it was not fitted to."""
+"""Acceptance of a calibrated model on movements that it was not fitted to."""
 
 from dataclasses import dataclass, field
 
@@ -27,7 +27,7 @@ LEAST_OF_CHANNEL = 0.75
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelResult:
-    """How one channel was predicted, over the movements that were held back.
+    """Prediction of one channel over the movements that were held back.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class ChannelResult:
 
     @property
     def kind_text(self) -> str:
-        """What most of the difference is, in words; by movement where these differ."""
+        """Largest part of the difference in words; by movement where these differ."""
         if len(self.kinds) < 2:
             return f"mostly in {self.kind}" if self.kind else ""
         parts = (f"in {kind} in {count_text(n, 'movement')}" for kind, n in self.kinds.items())
@@ -102,7 +102,7 @@ class ChannelResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceptance:
-    """What a validation came to.
+    """Result of a validation.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Acceptance:
 
     @property
     def accepted(self) -> bool:
-        """Whether the model predicts what was held back."""
+        """True if the model predicts what was held back."""
         return self.held_back and not self.reasons
 
     @property
@@ -165,7 +165,7 @@ class Acceptance:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What limits the verdict: bands that can hardly be judged."""
+        """Limits of the verdict: bands that can hardly be judged."""
         found = []
         hardly = [item for item in self.channels if item.chance_cover < LEAST_OF_CHANNEL]
         if hardly:

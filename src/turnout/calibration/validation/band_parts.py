@@ -31,7 +31,7 @@ ENOUGH = 0.90
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BandParts:
-    """What a band of 95 % is made of, over the movements that are judged.
+    """Parts of a 95 % band over the movements that are judged.
 
     Attributes
     ----------

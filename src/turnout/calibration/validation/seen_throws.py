@@ -311,7 +311,7 @@ PREDICTING, CHECKING = "predicting", "checking what would be noticed"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Seen:
-    """What throws movements, and sees them as they were measured.
+    """Throws of movements, seen as they were measured.
 
     Attributes
     ----------

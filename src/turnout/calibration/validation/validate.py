@@ -145,7 +145,7 @@ SHEET = ("direction", "size", "place", "repeat", "slipped")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Model:
-    """What the model says: forces, their slope with parameters and onset, first touches [s].
+    """Forces of the model, their slope with parameters and onset, first touches [s].
 
     Slopes come from the throws `asides`, forces at other values from `seen`.
     """

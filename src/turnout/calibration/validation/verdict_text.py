@@ -1,4 +1,4 @@
-"""What a validation came to, as lines for the screen, a page in Markdown and a table."""
+"""Result of a validation as lines for the screen, a page in Markdown and a table."""
 
 import csv
 import io

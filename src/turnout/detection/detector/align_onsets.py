@@ -42,7 +42,7 @@ REST_AFTER = 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Movement:
-    """What is needed to move one movement: its windows, and sound throws at each level.
+    """Inputs for moving one movement: its windows, and sound throws at each level.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-r"""What a measured throw may differ by from a simulated one, as covariances of its features.
+r"""Allowed differences of a measured throw from a simulated one, as covariances of features.
 
 A detector that takes its simulation for the truth trusts differences that no switch honours. So it
 assumes, besides the discrepancy and noise of the reference case:
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allowances(ErrorModel):
-    """What a detector allows for: errors as in `ErrorModel`, and what is not in a simulation.
+    """Allowances of a detector: errors as in `ErrorModel`, and what is not in a simulation.
 
     More `discrepancy` than is expected makes a detector robust and a little blind. The zeros of
     current and power are taken to be as uncertain as a sample of them.

@@ -81,7 +81,7 @@ class Detector:
 
     @property
     def quantity(self) -> str:
-        """What of the drives is judged: "force", "current" or "power"."""
+        """Quantity of the drives that is judged: "force", "current" or "power"."""
         return self.knowledge.setting.quantity
 
     # ---- from throws to verdicts

@@ -55,7 +55,7 @@ BLOCK = 1000
 SAME = 0.3
 """Instants that lie nearer to each other than this are one match [s]."""
 WORTH, REPEATED = 0.5, 0.3
-"""What a movement must explain to count, and what two of a kind in a row cost [-]."""
+"""Least share that a movement explains to count, and cost of two of a kind in a row [-]."""
 FINE = np.arange(-0.44, 0.441, 0.02)
 """Onsets that are tried about a match: an object can move the highest correlation by 0.3 s [s]."""
 APART = 0.1

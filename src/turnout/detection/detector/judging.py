@@ -109,7 +109,7 @@ class View:
 
     @property
     def identifiable(self) -> NDArray[np.bool_]:
-        """Whether each further kind can be named, shape (n_causes,)."""
+        """True for each further kind that can be named, shape (n_causes,)."""
         known = self.history >= LEAST_HISTORY
         needing = () if known else (name for name, d in DEFECTS.items() if d.needs_history)
         never = {UNUSUAL, *needing}

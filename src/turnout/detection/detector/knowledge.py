@@ -1,4 +1,4 @@
-"""What a detector knows after training, as one record and as one file without pickles."""
+"""Knowledge of a trained detector, as one record and as one file without pickles."""
 
 import hashlib
 import io
@@ -45,7 +45,7 @@ LARGEST = 400_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibrated:
-    """What held-back throws of the population said of a way to judge.
+    """Results of held-back throws of the population for a way to judge.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ RESIDUAL_LEVELS = (0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Setting:
-    """What a detector is made for, beside the throws that it learns from.
+    """Purpose of a detector, beside the throws that it learns from.
 
     Attributes
     ----------

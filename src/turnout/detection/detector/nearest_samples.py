@@ -1,4 +1,4 @@
-r"""What lies between signatures: samples near a throw, moved to where the throw lies among them.
+r"""Interpolation of signatures: samples near a throw, moved to where it lies among them.
 
 Signatures are few: an object lies at another place than the nearest of them, and is larger or
 smaller. How place, size or gap change with the signature is learned from the samples around the

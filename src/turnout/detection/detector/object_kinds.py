@@ -61,7 +61,7 @@ class KindSignatures:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class KindView:
-    """What throws of a switch are weighed with for the kind of an object, made when first needed.
+    """Weights of the throws of a switch for the kind of an object, made when first needed.
 
     Attributes
     ----------

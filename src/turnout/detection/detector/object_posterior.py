@@ -1,4 +1,4 @@
-"""What a throw says of the object and of the end gaps: place, size, virtual sensors.
+"""Posterior of the object and of the end gaps of a throw: place, size, virtual sensors.
 
 Signatures are samples: each says where its object was, how large, and by how much gaps changed.
 Their weights after the throw make the distributions of all three. What a sound throw with these
@@ -42,7 +42,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrappedObject:
-    """What one throw says of an object, were there one.
+    """Posterior of an object by one throw, were there one.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class TrappedObject:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EndGaps:
-    """What one throw says of the gaps at the end, whether there is an object or not.
+    """Posterior of the gaps at the end by one throw, with an object or without.
 
     Attributes
     ----------

@@ -104,7 +104,7 @@ LEAST_RANGE = 200.0
 
 
 def _rests(dataset: xr.Dataset) -> bool:
-    """Whether some drive force hardly changes over a whole recording."""
+    """Return True if some drive force hardly changes over a whole recording."""
     low, high = np.nanquantile(dataset["drive_force"].transpose("drive", "time"), [0.01, 0.99], 1)
     return bool(np.any(high - low < LEAST_RANGE))
 

@@ -68,7 +68,7 @@ class SoundModel:
 
     @property
     def gaps(self) -> int:
-        """How many end gaps there are."""
+        """Number of end gaps."""
         return int(self.mean.shape[1] - self.shift.shape[1])
 
 

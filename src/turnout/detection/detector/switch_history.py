@@ -1,4 +1,4 @@
-r"""What sound throws of a switch say about the next one: exact conditioning of the sound model.
+r"""Prediction of the next sound throw of a switch: exact conditioning of the sound model.
 
 Fixed for a switch are :math:`u` of the sound model and :math:`\delta`, the fixed part of the
 discrepancy with the gains of its force sensors. Of a throw at friction level :math:`l`,
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 DRIFT = 1e-4
 """Variance by which a switch drifts from throw to throw, share of that of the population [-]."""
 LEVEL_DEVIATION = 0.02
-"""How well the friction level of a throw of the history is known from its forces [-]."""
+"""Standard deviation of the friction level of a throw of the history from its forces [-]."""
 ASSUMED_INFORMATION = 25.0
 r""":math:`I_0`, as if :math:`\lambda` were known to be 1 +- 0.2 before the first throw [-]."""
 WORTH_REPEATING = 0.1
@@ -44,7 +44,7 @@ WORTH_REPEATING = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Expectation:
-    r"""What is known of a switch.
+    r"""Knowledge of a switch.
 
     Attributes
     ----------

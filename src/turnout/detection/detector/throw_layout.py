@@ -111,7 +111,7 @@ class Layout:
 
     @property
     def before_onset(self) -> NDArray[np.bool_]:
-        """Whether the window of each feature ends before its movement begins, shape (size,)."""
+        """True for each feature whose window ends before its movement begins, shape (size,)."""
         once = np.concatenate([part.edges[1:] <= 1e-9 for part in self.parts])
         return np.tile(once, len(self.drives))
 

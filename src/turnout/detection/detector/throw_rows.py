@@ -45,7 +45,7 @@ MOST_SHOWN = 12
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """Where a drive stands in a table.
+    """Columns of a drive in a table.
 
     Attributes
     ----------

@@ -101,7 +101,7 @@ class Gap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """What the most likely cause changes in one drive: its force, or what else is judged."""
+    """Change of one drive by the most likely cause: of its force, or what else is judged."""
 
     drive: str
     force: float
@@ -111,7 +111,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What is said of one throw.
+    """Verdict on one throw.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ class Verdict:
 
     @property
     def alarm(self) -> bool:
-        """Whether an object is called."""
+        """True if an object is called."""
         return self.status == ALARM
 
     def lines(self) -> list[str]:

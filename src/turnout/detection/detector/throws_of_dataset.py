@@ -125,7 +125,7 @@ def _commanded(whole: Recorded, dataset: xr.Dataset) -> list[Recorded]:
 
 
 def _by_forces(dataset: xr.Dataset, found: tuple[FoundThrow, ...]) -> bool:
-    """Whether no channel but the forces shows when movements begin."""
+    """Return True if no channel but the forces shows when movements begin."""
     if found:
         return found[0].source == "force"
     return "drive_current" not in dataset

@@ -44,7 +44,7 @@ def learned_kinds() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """How many throws a set has.
+    """Number of throws of a set.
 
     Attributes
     ----------

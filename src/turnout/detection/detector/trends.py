@@ -1,4 +1,4 @@
-r"""What the verdicts of many throws of one switch say together: trends, and causes that stay.
+r"""Trends over the verdicts of many throws of one switch, and causes that stay.
 
 A weak cause, such as two dry chairs, shows in no single throw. It stays, so its evidence adds up
 (Page 1954):
@@ -48,7 +48,7 @@ class Trend:
 
     @property
     def clear(self) -> bool:
-        """Whether the interval of the slope leaves out 0."""
+        """True if the interval of the slope leaves out 0."""
         return self.low > 0.0 or self.high < 0.0
 
 

@@ -1,4 +1,4 @@
-r"""What the best explanation leaves of a throw: how much, and how irregular it is.
+r"""Remainder of a throw after the best explanation: its size and its irregularity.
 
 :math:`z` is what the most likely of all hypotheses leaves, whitened by the covariance :math:`C` of
 the throw. How much that is, says its squared length. A cause that is not known shows best, however,
@@ -48,7 +48,7 @@ class Weights:
 
 @dataclass(slots=True, eq=False)
 class Variation:
-    """How sound throws vary by themselves, and what follows for what is left of a throw.
+    """Variation of sound throws by themselves, and what follows for the remainder of a throw.
 
     Attributes
     ----------

@@ -128,7 +128,7 @@ def wrong_forces(
 
 
 def _doubtful(found: Sequence[Match]) -> bool:
-    """Whether movements may be those of wrong channels: none, unlike ones, in the wrong order."""
+    """Return True if channels may be wrong: no movements, unlike ones, or in the wrong order."""
     closings = [item for item in found if item.name == CLOSING]
     if not closings or min(item.likeness for item in closings) < DOUBTFUL:
         return True

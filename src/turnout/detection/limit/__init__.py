@@ -1,1 +1,1 @@
-"""What can be seen of a foreign object at all: bound, known place, what-if, bands, day plan."""
+"""Limits of the detection of a foreign object: bound, known place, what-if, bands, day plan."""

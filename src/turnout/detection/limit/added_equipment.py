@@ -1,4 +1,4 @@
-r"""What a sensor at the rail, or a further drive, would add to what the drives show.
+r"""Gain of a sensor at the rail or of a further drive.
 
 A sensor reads the gap between switch rail and stock rail, or the force at a stop, at the end of a
 throw. Its reading of a sound throw scatters about what the friction level says, by the population,
@@ -57,7 +57,7 @@ LEVEL_DEGREE = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Readings:
-    """What sensors along the rail read at the end of throws.
+    """Readings of sensors along the rail at the end of throws.
 
     Attributes
     ----------

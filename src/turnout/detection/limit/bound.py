@@ -59,7 +59,7 @@ def probability_of_detection(index: ArrayLike, *, false_alarm_rate: float) -> Fl
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Predictive:
-    r"""What is expected of the next sound throw of a switch at each level.
+    r"""Expectation of the next sound throw of a switch at each level.
 
     Attributes
     ----------

@@ -112,7 +112,7 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Knowledge:
-    """What a list of throws determines.
+    """Values that a list of throws determines.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether drive forces reveal that the rail stayed open: the gap at sensors and drives at the end.
+"""Detection of a rail that stayed open from drive forces: the gap at sensors and drives at the end.
 
 Objects as large as the limit of each position, and somewhat smaller and larger, hold the rail open
 there in the states of the reference case. The bound says with which probability the forces of that
@@ -38,7 +38,7 @@ GAP_STEP, LARGEST_SHARE = 0.1e-3, 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position:
-    """Where the end position is judged.
+    """Places at which the end position is judged.
 
     Attributes
     ----------

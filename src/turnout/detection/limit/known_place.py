@@ -147,7 +147,7 @@ def draw_sound(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Power:
-    """What can be seen at a place that is known.
+    """Visible sizes at a place that is known.
 
     Attributes
     ----------

@@ -84,7 +84,7 @@ def limit_map(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SoundThrows:
-    """What the bound knows of sound throws.
+    """Knowledge of the bound about sound throws.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a measure at the switch or at the detector would gain, and a ranking of measures.
+"""Gain of measures at the switch or at the detector, and their ranking.
 
 Measures are computed from the throws of the reference case, without further ones: fewer states
 (less friction, more closing force), other conditions (history, discrepancy, sampling), the mean of
@@ -42,7 +42,7 @@ ADDED = r"(position sensor|contact sensor|force sensor|drive) at (\d+(?:\.\d+)?)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Measure:
-    """What the bound is computed with if a measure is taken.
+    """Inputs of the bound if a measure is taken.
 
     Attributes
     ----------

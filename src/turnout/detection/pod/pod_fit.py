@@ -26,8 +26,8 @@ CLOSE = 1e-7
 LEAST_SHARE = 0.3
 """Of the scale, which a step may leave."""
 STEEPEST, WIDEST = 20.0, 30.0
-"""What counts as infinite: change of the mean between the two nearest sizes, in errors of a throw;
-spread of switches, in changes of the mean over all sizes, or in errors where these are more.
+"""Values that count as infinite: change of the mean between the two nearest sizes, in errors of a
+throw; spread of switches, in changes of the mean over all sizes, or in errors where these are more.
 
 Hits and misses that do not overlap have no finite estimate; their likelihood no longer changes.
 """

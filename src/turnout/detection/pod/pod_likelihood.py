@@ -27,7 +27,7 @@ from scipy.special import expit, log_ndtr, ndtr, ndtri
 Floats = NDArray[np.float64]
 
 KNOWN, BELOW, ABOVE = 0, -1, 1
-"""What is known of a response: its value, or the side of a value on which it lies."""
+"""Knowledge of a response: its value, or the side of a value on which it lies."""
 INTERCEPT, SLOPE, SPREAD, SCALE = 0, 1, 2, 3
 """Columns of the parameters a0, a1, w and gamma."""
 MODE_STEPS = 5

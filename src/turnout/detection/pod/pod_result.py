@@ -1,4 +1,4 @@
-"""What a test campaign was evaluated with, and what came out."""
+"""Evaluation of a test campaign: its settings and results."""
 
 from dataclasses import asdict, dataclass
 
@@ -22,7 +22,7 @@ FEWEST_DRAWN = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PodModel:
-    """How a campaign is evaluated.
+    """Settings of the evaluation of a campaign.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class Pod:
 
     @property
     def model_assisted(self) -> bool:
-        """Whether any throw is one of a model."""
+        """True if any throw is one of a model."""
         return self.simulated > 0
 
 

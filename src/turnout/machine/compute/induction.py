@@ -365,6 +365,7 @@ def drop_fluxes(constants: Floats, state: Floats) -> None:
     state[at.ENERGIES + at.INTO_STORES] -= held
     state[at.STATOR_FLUX], state[at.STATOR_FLUX_ACROSS] = 0.0, 0.0
     state[at.ROTOR_FLUX], state[at.ROTOR_FLUX_ACROSS] = 0.0, 0.0
+    state[at.MAIN_EXCESS] = 0.0  # as before the first start
 
 
 # --- one conductor open

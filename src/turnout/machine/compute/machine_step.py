@@ -47,7 +47,7 @@ places by which those of the second are further on."""
 
 
 class MachineArrays(NamedTuple):
-    """What the kernels of one machine read and write beside its state.
+    """Arrays that the kernels of one machine read and write beside its state.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What stands where in the rows of floats that the kernels of a machine read and write.
+"""Places in the rows of floats that the kernels of a machine read and write.
 
 One row of constants and one of state a machine. SI, angles in rad at the motor shaft, positive in
 the closing direction. Flags are 0.0 or 1.0.
@@ -78,7 +78,7 @@ the closing direction. Flags are 0.0 or 1.0.
 (CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
 """Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
 (SCREW, CRANK, TABLE) = range(3)
-"""How the rod position follows from the shaft angle."""
+"""Kinds of stroke: rod position over shaft angle."""
 
 # --- the rail at the rod -----------------------------------------------------------------------
 (

@@ -26,7 +26,7 @@ RECORDINGS = "recordings"
 FIELDS = ("name", "unit", "rate", "start", "description")
 """Of a channel, beside its samples."""
 EXHAUSTED = "exhausted"
-"""Whether the process is to be ended, as a file took all that it may take."""
+"""True if the process is to be ended, as a file took all that it may take."""
 
 
 def read_requested(request: dict[str, Any]) -> dict[str, Any]:
