@@ -153,6 +153,7 @@ def test_the_hash_is_that_of_the_panel_written_as_a_whole(name: str) -> None:
     own: dict[str, object] = {f"drive.{key}.machine": "jea73" for key in load_panel(name).drive}
     own |= {"schedule.loaded": True, "schedule.loaded_by": "cycles"}
     own |= {"gauge.nominal": 1.435, "gauge.height": 0.12, "rail.gauge_widening": 0.001}
+    own |= {"gauge.line_speed": 30.0}
     own |= {"rail.running_edge.tangent_offset": 0.001} if name != "sb1" else {}
     panel = load_panel(name).with_overrides(own)
     left_out = {"movement": {"__all__": {"table_file"}}, "rail": {"__all__": {"matrices"}}}

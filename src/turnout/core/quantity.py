@@ -22,6 +22,7 @@ from pydantic import (
     model_validator,
 )
 
+from turnout.core.problems import nearest
 from turnout.core.units import (
     ACCELERATION,
     ANGLE,
@@ -112,7 +113,8 @@ class NameIn:
             return value
         *most, last = map(repr, self.names)
         expected = f"{', '.join(most)} or {last}" if most else last
-        message = f"must be {expected}"
+        near = nearest(value, self.names) if isinstance(value, str) else ""
+        message = f"must be {expected}{near}"
         raise ValueError(message)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:

@@ -338,7 +338,7 @@ def supply_concerns(panel: Panel, *, end: float | None = None) -> list[Concern]:
     >>> panel = load_panel("sb1", overrides={"drive.1.machine": "s700k"})
     >>> weak = panel.with_overrides({"machine.s700k.supply.voltage": 100.0})
     >>> print(supply_concerns(weak)[0].number)
-    s700k: the motor stalls before the clutch slips (breakdown 0.942 N m, clutch 2.1 N m)
+    s700k: the motor stalls before the clutch slips (breakdown 0.791 N m, clutch 2.1 N m)
     """
     found = [
         Concern(

@@ -115,7 +115,7 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
 
 
 def has_default_limits(gauge: TrackGauge | None) -> bool:
-    """Return True if a panel has the limits that are put in place where it names none."""
+    """Return True if the limits of a panel are the default ones."""
     return gauge is not None and gauge.limits == [*load_gauge_limits(DEFAULT_LIMITS).classes]
 
 
