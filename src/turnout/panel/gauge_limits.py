@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -58,7 +59,7 @@ def limits_of(attributes: Mapping[str, Any]) -> GaugeLimits:
     >>> limits_of({}).name, limits_of({"gauge_classes": "[[20.0, 0.01]]"}).name
     ('immediate action', 'the panel')
     """
-    default = load_gauge_limits(DEFAULT_LIMITS)
+    default = default_limits()
     pairs = json.loads(str(attributes.get("gauge_classes", "[]")))
     own = tuple(GaugeClass(up_to=SI(top), narrowing=SI(value)) for top, value in pairs)
     return default if own in ((), default.classes) else GaugeLimits("the panel", own)
@@ -114,9 +115,15 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
     return GaugeLimits(found.name, tuple(found.classes))
 
 
+@cache
+def default_limits() -> GaugeLimits:
+    """Return the limits that are taken unless others are named, read once."""
+    return load_gauge_limits(DEFAULT_LIMITS)
+
+
 def has_default_limits(gauge: TrackGauge | None) -> bool:
     """Return True if the limits of a panel are the default ones."""
-    return gauge is not None and gauge.limits == [*load_gauge_limits(DEFAULT_LIMITS).classes]
+    return gauge is not None and gauge.limits == [*default_limits().classes]
 
 
 def _rising(classes: list[GaugeClass]) -> list[GaugeClass]:
