@@ -101,7 +101,7 @@ def fit_three_phase(
     rated_voltage : float
         Between lines, rms [V].
     to_neutral : bool
-        Whether the recorded voltages are those of a phase.
+        True if the recorded voltages are those of a phase.
     free : sequence of str
         Movements with the rod off.
 

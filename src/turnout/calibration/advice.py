@@ -239,7 +239,7 @@ def stated_shares(texts: Sequence[str]) -> dict[str, float]:
 def check_shares(
     shares: Mapping[str, float], panel: LoadedPanel, parameters: Sequence[Parameter]
 ) -> None:
-    """Refuse uncertainties of what is no positive number of a panel, or is fitted itself."""
+    """Refuse uncertainties of fitted values, and of keys that are no positive number of a panel."""
     fitted = {key for item in parameters if item.vary for key in item.keys}
     problems = [f"{key}: is fitted itself; leave it out" for key in shares if key in fitted]
     for key in shares:

@@ -1,4 +1,4 @@
-"""Sensors as unknowns, and unknowns that leave what was stated of them.
+"""Sensors as unknowns, and unknowns beyond their stated ranges.
 
 Where a model is not right, such as one of a switch of another length, unknowns with priors take up
 the rest: the model then misses nothing, but only with gains, objects and states that no one would
@@ -56,7 +56,7 @@ class Stated:
 
 
 def stated_unknowns(found: Fit) -> list[Stated]:
-    """Return sensors and states of the panel with how far they are from what was stated of them.
+    """Return sensors and states of the panel with their distance from the stated values.
 
     Where other rails were fitted, their weight is doubted too, which all gains show alike: they
     then count about the gain that all channels have in common, whose size the intervals hold.

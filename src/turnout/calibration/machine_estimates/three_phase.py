@@ -399,7 +399,7 @@ Model = Callable[[Floats, _Blocks], Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitted:
-    """Parameters, their covariance, and what is left of the throws' means."""
+    """Parameters, their covariance, and the residuals of the throws' means."""
 
     values: Floats
     covariance: Floats
@@ -729,7 +729,7 @@ def _loss(
 
 
 def _departures(blocks: _Blocks, left: Floats) -> Iterator[Departure]:
-    """Yield the bends of what the circuit leaves of the throws' means."""
+    """Yield the bends in the circuit's residuals of the throws' means."""
     u, p = (blocks.mean(values) for values in (blocks.voltage, blocks.power))
     u, p = ((v - v.mean()) / max(float(v.std()), 1e-12) for v in (u, p))
     columns = np.stack([np.ones(u.size), u, p, u * u - 1.0, p * p - 1.0, u * p], axis=1)

@@ -95,7 +95,7 @@ class SupplyCircuit:
         return e, u * b - self.leakage * rotor**2, b
 
     def leakage_of(self, voltage: Floats, current: Floats, power: Floats) -> tuple[Floats, Floats]:
-        """Return least and largest leakage reactance by what an inrush takes [ohm].
+        """Return least and largest leakage reactance from the power of an inrush [ohm].
 
         The voltage behind R is low then: the main branch takes at most what it would without
         saturation, and at least what it takes by n.

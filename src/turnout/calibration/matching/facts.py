@@ -58,7 +58,7 @@ def _term(item: str, factor: float) -> TermRecord:
 
 
 class SumRecord(TermRecord):
-    """A measure of a throw, or the sum of several terms, which take from here what they lack."""
+    """A measure of a throw, or the sum of several terms; these take missing values from here."""
 
     name: str = Field(min_length=1, description="for tables and figures")
     terms: list[TermRecord] = Field([], description="default: this one term")

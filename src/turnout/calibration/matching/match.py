@@ -177,7 +177,7 @@ def is_valid(facts: Facts, point: Floats) -> bool:
 def evaluate(
     facts: Facts, point: Floats, *, failures: int | None = None, mode: Mode = "quick"
 ) -> Evaluation:
-    """Return what the panel at a point of the unit cube does with the facts.
+    """Return the values of the facts for the panel at a point of the unit cube.
 
     Facts are tried in the order of the file, those that need fewer throws first, late ones last and
     only where all others hold.
