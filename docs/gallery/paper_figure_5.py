@@ -10,7 +10,6 @@ import numpy as np
 import turnout
 from turnout.figures import Line, Row, Sheet, draw_sheet, shade_of
 
-MACHINES = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
 CLAMPS = {"machine.circuit.measured_current": "supply"}  # a motor lead shows the braking too
 OTHER = {"chair.friction_coefficient": 0.41, "drive.1.stiffness": 735e3, "drive.2.stiffness": 780e3}
 CHANNELS = {  # variable, drive, unit of the axis, gain and noise of the virtual measurement
@@ -21,7 +20,7 @@ CHANNELS = {  # variable, drive, unit of the axis, gain and noise of the virtual
     "Drive 2\n[kN]": ("drive_force", "2", 1e3, 0.99, 20.0),
 }
 MEASURED = (0.013, 0.029)
-panel = turnout.load_panel("uic60-760-1-15", overrides=MACHINES).with_overrides(CLAMPS)
+panel = turnout.load_panel("uic60-760-1-15-jea73", overrides=CLAMPS)
 begin = panel.movement["return"].start
 sizes = [None, 0.005, 0.01, 0.013, 0.016, 0.018, 0.021, 0.023, 0.026, 0.029, 0.031]
 chance = np.random.default_rng(5)

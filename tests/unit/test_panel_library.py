@@ -23,7 +23,8 @@ SHORT = (
     *("60e1-1200-1-18.5", "60e1-300-1-9", "60e1-300-1-9-clamp-lock", "60e1-441-1-12"),
     "60e1-500-1-12",
 )
-NAMES = (*SHORT, "sb1", "sb2", "uic60-760-1-15", "uic60-760-1-15-symmetric")
+DEFAULT = "uic60-760-1-15"
+NAMES = (*SHORT, "sb1", "sb2", DEFAULT, f"{DEFAULT}-jea73", f"{DEFAULT}-symmetric")
 DIFFERENT = ("60e1-300-1-9-clamp-lock", "sb1", "uic60-760-1-15")
 
 
@@ -113,6 +114,16 @@ def test_sb2_is_the_benchmark(reference_dir: Path) -> None:
     assert panel.section["tongue"].product_moment is None
     assert panel.sleeper["6"].x == panel.sensor["TKK1"].x == 3.6
     assert panel.chair["1"].foot_offsets == (-0.06, 0.06)
+
+
+def test_the_panel_with_machines_is_the_default_panel_with_machines_of_the_library() -> None:
+    panel = load_panel(f"{DEFAULT}-jea73")
+    machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
+    plain = load_panel(DEFAULT, overrides=machines)
+    fields = [name for name in LoadedPanel.model_fields if name not in ("name", "description")]
+    assert [name for name in fields if getattr(panel, name) != getattr(plain, name)] == []
+    weak = load_panel(f"{DEFAULT}-jea73", overrides={"machine.supply.voltage": 176.0})
+    assert {item.supply.voltage for item in weak.machine.values()} == {176.0}
 
 
 def test_default_panel_is_loaded_closed_and_its_shapes_are_computed() -> None:

@@ -498,7 +498,8 @@ def panel_from_file(
 ) -> LoadedPanel:
     """Make a panel from a TOML document that was already read, with overrides as in Python."""
     given = {key: mark_si(value) for key, value in (overrides or {}).items()}
-    document, problems, applied = apply_overrides(expand(file), given)
+    named = add_library_members(expand(file))  # so that overrides may set their values
+    document, problems, applied = apply_overrides(named, given)
     return panel_from_document(
         document, source=file.source, folder=file.folder, overrides=applied, problems=problems
     )
