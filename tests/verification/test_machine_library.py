@@ -19,10 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from turnout.calibration.case import load_panel_or_case
 from turnout.core.keys import origin_at
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
-from turnout.machine.steady import supply_slopes
+from turnout.machine.steady import slip_point, supply_slopes
+from turnout.mechanism.drive_machines import slip_force
 from turnout.throw.machine import throw_one_mass
+from turnout.throw.simulate import simulate
+from turnout.throw.slip import machine_throws
 
 
 @dataclass(frozen=True)
@@ -186,3 +190,18 @@ def test_slopes_of_the_generic_machine_are_those_on_record() -> None:
 @pytest.mark.parametrize("name", ["s700k", "zdj9", "three-phase"])
 def test_currents_of_three_phase_machines_fall_with_the_load(name: str) -> None:
     assert supply_slopes(load_machines(name).machine[name], force=1500.0)[2] < 0.0
+
+
+@pytest.mark.parametrize("number", [0, 17, 42])
+def test_plausible_machines_meet_the_facts_of_the_paper(number: int) -> None:
+    """2 A at the slip of Drive 1, 6 and 6.85 kN, 3.2 s of supply and at Drive 2 0.2 s more."""
+    panel = load_panel_or_case(f"plausible-machines:{number}")
+    assert slip_point(panel.machine["jea73"]).current == pytest.approx(2.0, rel=2e-3)
+    held = [slip_force(panel, name) for name in panel.drive]
+    assert held == pytest.approx([6000.0, 6850.0], rel=1e-4)
+    thrown = simulate(panel, mode="quick")
+    assert bool(thrown["locked"][-1])
+    late = panel.movement["return"].extra_time["2"]
+    closing = [item for item in machine_throws(thrown) if item["to"] == "closed"]
+    times = [item["off"] - item["on"] for item in closing]
+    assert times == pytest.approx([3.2, 3.4 - late], rel=2e-3)
