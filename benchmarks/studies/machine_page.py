@@ -29,7 +29,7 @@ from tests.verification.machines import (
 from tests.verification.reference import DATA
 from tests.verification.test_drive_machine import sb3_run
 from tests.verification.test_machine_coupling import coupled
-from tests.verification.test_machine_library import RATED, sheet_of
+from tests.verification.test_machine_library import LIMITS, RATED, sheet_of
 from tests.verification.test_machine_sb3 import CASES
 
 from benchmarks.page import EVIDENCE, put_section, write_section
@@ -102,18 +102,34 @@ def motor_lines() -> Iterator[str]:
     )
 
 
+SHEET_COLUMNS = (
+    *(("running_current", ".3f", "A"), ("shaft_speed", ".1f", "rad/s"), ("power", ".0f", "W")),
+    *(("time", ".3f", "s"), ("slip_current", ".3f", "A"), ("peak", ".2f", "A")),
+)
+
+
+def allowed(limits: tuple[float, float] | None, form: str) -> str:
+    """Return the range of a data sheet in brackets, nothing without one."""
+    return "" if limits is None else f" ({limits[0]:{form}} to {limits[1]:{form}})"
+
+
 def library_lines() -> Iterator[str]:
     """Yield the section on library machines."""
     yield "\n### Library machines under their rated force\n"
+    yield (
+        "In brackets the ranges of data sheets, of `three-phase` those on record, of JEA 73 those "
+        "of the paper and its parameter set. Where a sheet has an upper end alone (currents, "
+        "times) the lower one is ours; sources stand in `test_machine_library.py`.\n"
+    )
     yield "| machine | force | current | shaft | power | energised | slip current | peak |"
     yield "|---|--:|--:|--:|--:|--:|--:|--:|"
     for name in RATED:
         found = sheet_of(name)
-        yield (
-            f"| `{name}` | {found.force / 1e3:.2f} kN | {found.running_current:.3f} A "
-            f"| {found.shaft_speed:.1f} rad/s | {found.power:.0f} W | {found.time:.3f} s "
-            f"| {found.slip_current:.3f} A | {found.peak:.2f} A |"
+        cells = (
+            f"{getattr(found, key):{form}} {unit}{allowed(LIMITS[name].get(key), form)}"
+            for key, form, unit in SHEET_COLUMNS
         )
+        yield f"| `{name}` | {found.force / 1e3:.2f} kN | {' | '.join(cells)} |"
     yield "\nSupply, line and copper of `jea73`, sound closing throw and clutch slipping:\n"
     yield "| changed | energised | peak | slip current |"
     yield "|---|--:|--:|--:|"

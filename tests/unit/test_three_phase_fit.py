@@ -10,13 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from benchmarks.studies.three_phase_campaigns import SUPPLY, drawn_motor, truths
 from numpy.typing import NDArray
 from tests.faults.terminal import run_here
 from tests.unit.test_cli_json import printed
 
 from turnout.api.machine import fit_three_phase
 from turnout.calibration.machine_estimates.current_fit import Estimate, NotIdentified
-from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit
+from turnout.calibration.machine_estimates.three_phase import (
+    ThreePhaseFit,
+    ThrowMeans,
+    fit_throws,
+)
 from turnout.calibration.machine_estimates.three_phase_circuit import SupplyCircuit
 from turnout.cli.three_phase import three_phase_lines
 from turnout.core.errors import MeasurementError
@@ -128,6 +133,35 @@ def test_pooled_slopes_mislead_and_are_not_taken() -> None:
     truth = float(np.diff(CIRCUIT.current_at(np.full(2, found.voltage), powers))[0]) / 10.0
     assert abs(pooled / truth - 1.0) > 0.1
     assert abs(found.per_watt.value / truth - 1.0) < 0.03
+
+
+def exact_throw(number: int, points: tuple[Floats, Floats, Floats], voltage: float) -> ThrowMeans:
+    """Return blocks of a throw whose load rises within it, without noise."""
+    current, power, torque = points
+    running = slice(0, int(power.argmax()) + 1)
+    load = np.linspace(0.7, 1.2, 12) * (1.0 + 0.2 * np.sin(float(number)))
+    at = np.interp(load, torque[running], power[running])
+    found = np.interp(at, power[running], current[running])
+    rows = [np.stack([row, row]) for row in (np.full(12, voltage), found, at)]
+    return ThrowMeans(
+        name=str(number), voltage=rows[0], current=rows[1], power=rows[2], inrush=None
+    )
+
+
+@pytest.mark.parametrize("index", [6, 14])
+def test_a_motor_that_is_no_such_circuit_has_the_slope_of_its_throws(index: int) -> None:
+    """Exact throws of a T circuit: the circuit alone has 3 to 5 % more per volt than it."""
+    motor = drawn_motor(np.random.default_rng([20261130, index]), deep=False)
+    voltages = SUPPLY + 4.0 * np.random.default_rng(5).standard_normal(60)
+    throws = [
+        exact_throw(number, motor.points(voltage, 50.0, 1.03), voltage)
+        for number, voltage in enumerate(voltages)
+    ]
+    found = fit_throws("1", throws, rated_voltage=380.0)
+    truth = truths(motor, found, 1.03, 0.0)
+    assert holds(found.per_volt, truth["per_volt"], within=0.005)
+    assert holds(found.current, truth["current"], within=0.005)
+    assert holds(found.per_watt, truth["per_watt"], within=0.02)
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,12 @@ Sources: JEA 73: the paper (DC motor, 6 kN at most, clutch set to slip at 2 A) a
 study `jea73.md` of the benchmark SB3 (all else). ZD6: at most 2.0 A at 0.88 N m (2450 N), slip at
 2.3 to 2.9 A (360docs.net/doc/a89997606.html), 3.8 s at most. IRS: 5.3 A rated, 8.5 A at most,
 1700 rpm +-15 %, 440 W, 4.4 kN, 143 mm (pdfslide.net/document/point-machine.html), 4.0 s at most
-(scribd.com/doc/8242982), slip at 6 to 7 A. The table of docs/use/machines.md is printed by
+(scribd.com/doc/8242982), slip at 6 to 7 A.
 
 ZDJ9: 380 V, 2.5 kN over 220 mm in at most 5.8 s with at most 2.0 A behind 54 ohm a line; S700K:
 380 V, 3 kN over 220 mm in at most 6.6 s; M70: slips at about 150 % of the running current, 115 mm,
-cut off after about 10 s (RailCorp TMG E1583).
-
-    python -m tests.verification.test_machine_library
+cut off after about 10 s (RailCorp TMG E1583). The table of docs/evidence/machines.md is
+written by `python -m benchmarks.studies.machine_page`.
 """
 
 import tomllib
@@ -162,18 +161,6 @@ def _keys(prefix: str, value: object) -> list[str]:
     return [
         key for name, item in value.items() for key in _keys(f"{prefix}.{name}".strip("."), item)
     ]
-
-
-if __name__ == "__main__":
-    print("| machine | force | current | shaft | power | energised | slip current | peak |")
-    print("|---|--:|--:|--:|--:|--:|--:|--:|")
-    for machine in RATED:
-        found = sheet_of(machine)
-        print(
-            f"| `{machine}` | {found.force / 1e3:.2f} kN | {found.running_current:.3f} A "
-            f"| {found.shaft_speed:.1f} rad/s | {found.power:.0f} W | {found.time:.3f} s "
-            f"| {found.slip_current:.3f} A | {found.peak:.2f} A |"
-        )
 
 
 def test_slopes_of_the_generic_machine_are_those_on_record() -> None:

@@ -15,6 +15,11 @@ to throw, so that it is not taken for a slope with the load (Y. Mundlak, Econome
 current of every other sample stands with voltage and power of those between, whose noise it does
 not share and of which that noise is taken out by what they have in common: it would flatten both
 slopes.
+
+Currents within throws are known far better than those over throws, so that they choose the circuit,
+and what a motor has otherwise goes into its slope with the voltage. That slope and the current at
+the rated voltage are therefore those over throws: what the circuit leaves there is regressed on the
+voltage and added, so that the circuit gives them their bend alone.
 """
 
 import math
@@ -424,7 +429,9 @@ def _fitted(
     """Return the best fit of several starts, and how many of them ended at it.
 
     The last parameter is delta, the slope that is left over throws. The covariance is that of the
-    scores of whole throws, whose blocks are not independent.
+    scores of whole throws, whose blocks are not independent, and half of what changes from equal
+    weights of both parts to their own: the two parts of a model that is not quite the motor's
+    disagree.
     """
     from scipy.optimize import least_squares
 
@@ -449,6 +456,7 @@ def _fitted(
     ends = [solved(start, weights) for start in starts]
     best = min(ends, key=lambda end: end.cost)
     same = sum(bool(end.cost <= best.cost * 1.001 + 1e-9) for end in ends)
+    alike = best.x
     size = blocks.throw.size
     for _ in range(3):
         rest = residuals(best.x, (1.0, 1.0))
@@ -461,7 +469,8 @@ def _fitted(
     meat = scores.T @ scores * blocks.count / max(blocks.count - jac.shape[1], 1)
     bread = np.linalg.pinv(jac.T @ jac, rcond=1e-13)
     left = rest[size:] * weights[1]
-    return _Fitted(best.x, bread @ meat @ bread, left), same
+    change = 0.5 * (best.x - alike)
+    return _Fitted(best.x, bread @ meat @ bread + np.outer(change, change), left), same
 
 
 def _rms(values: Floats) -> float:
@@ -541,15 +550,12 @@ def _with_circuit(
     u, p, count = fit.voltage, fit.power, fit.throws
     fitted, same, leakage = _circuit(blocks, throws, (u, p), line)
 
-    def by_circuit(*at: tuple[float, float], over: float = 1.0, wide: float = 0.0) -> Any:
-        return _function(fitted, (u, p), at, over, count, wide)
-
-    straight = float(line.values[0] + line.values[1] * (fit.rated_voltage - u))
+    current, per_volt = _over_throws(fitted, blocks, (u, p), fit.rated_voltage)
     return replace(
         fit,
-        current=by_circuit((fit.rated_voltage, p), wide=straight),
-        per_volt=by_circuit((u - 1.0, p), (u + 1.0, p), over=2.0),
-        per_watt=by_circuit((u, p - 5.0), (u, p + 5.0), over=10.0),
+        current=current,
+        per_volt=per_volt,
+        per_watt=_per_watt(fitted, (u, p), count),
         resistance=_stated(fitted, 1, count, most=_largest_resistance(p, line)),
         saturation=_stated(fitted, 2, count, most=MOST_SATURATION),
         loss=_loss(throws, free, fitted.parameter(1, count)),
@@ -663,36 +669,57 @@ def _or_not(found: Estimate) -> Estimate | NotIdentified:
     )
 
 
-def _function(
-    fitted: _Fitted,
-    point: tuple[float, float],
-    at: Sequence[tuple[float, float]],
-    over: float,
-    count: int,
-    straight: float,
-) -> Estimate | NotIdentified:
-    """Return the current at a point, or a slope of it between two points `over` apart.
+NO_POINT = NotIdentified(reason="the circuit has no such point")
 
-    `straight` is what the line has there; half of what they differ by is not known. 0: no line.
+
+def _over_throws(
+    fitted: _Fitted, blocks: _Blocks, point: tuple[float, float], rated_voltage: float
+) -> tuple[Estimate | NotIdentified, Estimate | NotIdentified]:
+    """Return the current at the rated voltage, and the slope with the voltage.
+
+    Half of what the bend of the circuit adds on the way to the rated voltage is not known.
     """
-    voltage, power = np.array(at).T
+    across = blocks.mean(blocks.voltage)
+    across, way, count = across - across.mean(), rated_voltage - point[0], blocks.count
+    square = float(across @ across)
+    circuit = _circuit_of(fitted.values, *point)
+    volts = point[0] + np.array([-1.0, 0.0, 1.0, way])
+    low, middle, high, there = circuit.current_at(volts, np.full(4, point[1]))
+    if not np.isfinite([low, middle, high, there]).all() or square <= 0.0:
+        return NO_POINT, NO_POINT
+    more = float(fitted.left @ across) / square
+    rest = fitted.left - fitted.left.mean() - more * across
+    freedom = count / max(count - fitted.values.size, 1)
+    of_slope = math.sqrt(freedom * float((rest * across) @ (rest * across))) / square
+    of_level = _rms(rest) * math.sqrt(freedom / count)
+    slope = 0.5 * float(high - low)
+    bend = float(there - middle) - slope * way
+    current = Estimate.of(
+        float(there) + more * way + float(fitted.left.mean()),
+        math.hypot(of_slope * way, of_level),
+        count,
+        common=0.5 * abs(bend),
+    )
+    return current, _or_not(Estimate.of(slope + more, of_slope, count))
+
+
+def _per_watt(fitted: _Fitted, point: tuple[float, float], count: int) -> Estimate | NotIdentified:
+    """Return the slope of the circuit's current with the power."""
 
     def value_of(x: Floats) -> float:
-        found = _circuit_of(x, *point).current_at(voltage, power)
-        return float(found[-1] - found[0]) / over if found.size > 1 else float(found[0])
+        power = point[1] + np.array([-5.0, 5.0])
+        low, high = _circuit_of(x, *point).current_at(np.full(2, point[0]), power)
+        return 0.1 * float(high - low)
 
     x, gradient = fitted.values, np.zeros(fitted.values.size)
-    value = value_of(x)
     for k in range(4):
         step = np.zeros(x.size)
         step[k] = 1e-4 * abs(x[k]) + 1e-9
         gradient[k] = (value_of(x + step) - value_of(x - step)) / (2.0 * step[k])
+    value = value_of(x)
     if not np.isfinite([value, *gradient]).all():
-        return NotIdentified(reason="the circuit has no such point")
-    found = fitted.estimate(gradient, value, count)
-    if straight:
-        return Estimate.of(value, found.deviation, count, common=0.5 * abs(value - straight))
-    return _or_not(found)
+        return NO_POINT
+    return _or_not(fitted.estimate(gradient, value, count))
 
 
 def _loss(
