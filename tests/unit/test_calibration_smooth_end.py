@@ -1,16 +1,29 @@
 """The end of a fit of responses that are rough, as those of rails that stick and slide are."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, alike, misfit
+from tests.unit.test_calibration_fit import (
+    BIN,
+    ONSET,
+    PARAMETERS,
+    TRUE,
+    MadeUp,
+    alike,
+    measured_force,
+    misfit,
+    response,
+)
 
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import Fit, fit
+from turnout.calibration.linearisation import REACH, plane_of, points_about, reaches_of
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.parameter import Parameter
+from turnout.calibration.predict import predicted
 from turnout.panel.load import load_panel
 
 
@@ -53,10 +66,110 @@ def test_intervals_hold_the_truth_of_a_rough_model() -> None:
     assert np.abs(errors).max() < 2.6
 
 
+# Steps of force one after another, beside friction and stiffness: ten unknowns in all.
+STEPS = tuple(
+    Parameter(name=f"step {n}", keys=(f"step {n}",), start=1.0, lower=0.2, upper=5.0)
+    for n in range(8)
+)
+MANY, WAVES = (*PARAMETERS, *STEPS), 0.4
+TRUTH = {**TRUE, **{item.name: 1.0 for item in STEPS}}
+
+
+def stepped_response(values: Mapping[str, object], *, waves: float) -> Response:
+    """Return a force with steps, and with waves over less than a thousandth of each of them."""
+    item = response(values)
+    time, row = item.time - ONSET, item.drive_force["1"].copy()
+    turns = np.log(float(str(values["k"])) / TRUE["k"])
+    for number, step in enumerate(STEPS):
+        size = float(str(values[step.name]))
+        row += 1500.0 * size / (1.0 + np.exp(-(time - 0.6 - 0.12 * number) / 0.04))
+        turns += (1.0 + 0.37 * number) * np.log(size)
+    wave = waves * np.sin(2.0 * np.pi * (turns / 2e-3 + 3.0 * item.time)) * (time > 0.2)
+    return replace(item, drive_force={"1": row + wave})
+
+
+class ManyRough(MadeUp):
+    """Steps of force, with waves."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        self.made += len(throws)
+        return [stepped_response(throw.overrides, waves=WAVES) for throw in throws]
+
+
+def many(*, seed: int) -> Misfit:
+    rng, time = np.random.default_rng(seed), BIN * (np.arange(-50, 150) + 0.5)
+    bare = measured_force("m", time, 0.0 * time)
+    at = np.arange(time.size)
+    true = predicted(stepped_response(TRUTH, waves=0.0), bare, bare.signals[0], at)
+    rows = [true + 2.0 * rng.standard_normal(time.size) for _ in range(3)]
+    whole = misfit([measured_force(f"m{n}", time, row) for n, row in enumerate(rows)])
+    whole.evaluator = ManyRough(load_panel("sb1"))
+    whole.parameters, whole.base = MANY, TRUTH
+    return whole
+
+
+def many_off(seed: int, share: float) -> float:
+    """Return how far the value that is furthest off is, in its stated deviations."""
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], len(MANY))
+    pairs = zip(TRUTH.items(), signs, strict=True)
+    found = fit(many(seed=seed), MANY, {name: x * (1.0 + share * s) for (name, x), s in pairs})
+    assert found.converged
+    errors = [found.values[item.name] - TRUTH[item.name] for item in MANY]
+    return float(np.abs(np.array(errors) / spread_of(found).deviations).max())
+
+
+def test_waves_do_not_hold_a_fit_of_ten_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    starts = [(seed, share) for seed in (3, 4) for share in (0.02, 0.04)]
+    assert max(many_off(*start) for start in starts) < 2.8
+    monkeypatch.setattr("turnout.calibration.fit.SMOOTH_PASSES", 0)
+    assert max(many_off(*start) for start in starts) > 8.0
+
+
+def test_values_that_are_hardly_known_together_are_thrown_further_aside() -> None:
+    alone = np.array([[1e4, 0.0], [0.0, 1e4]])
+    scattering, plain = PARAMETERS[0], replace(PARAMETERS[0], scatter=0.0)
+    pair = (plain, PARAMETERS[1])
+    np.testing.assert_allclose(reaches_of(pair, alone), np.eye(2), atol=1e-12)
+    # Their sum is known to 0.0001, their difference to 0.01.
+    alike = np.array([[1e4, 1e4], [1e2, -1e2]]) / 2.0**0.5
+    far = reaches_of(pair, alike)
+    np.testing.assert_allclose(far @ [1.0, 1.0], [1.0, 1.0], rtol=1e-3)
+    np.testing.assert_allclose(far @ [1.0, -1.0], [30.0, -30.0], rtol=1e-3)
+    own = reaches_of((scattering, PARAMETERS[1]), alike)
+    np.testing.assert_allclose(own[:, 0], [3.0, 0.0], atol=1e-12)
+    sides = [
+        (np.log(point["mu"] / TRUE["mu"]), np.log(point["k"] / TRUE["k"]))
+        for point in points_about(TRUE, pair, far)
+    ]
+    shares = np.abs(np.linalg.solve(far, np.array(sides).T / REACH))
+    assert shares.min() > 0.5
+    assert shares.max() < 1.5
+
+
+def test_a_known_slope_counts_less_than_throws_and_serves_where_there_are_none() -> None:
+    def of(k: float, step: float) -> Response:
+        return stepped_response({**TRUTH, "k": k, "step 2": step}, waves=0.0)
+
+    k = TRUE["k"]
+    known = {"step 2": (of(k, 1.01), of(k, 1.0), 10.0)}
+    steps = np.array([[x, 0.0] for x in (1.0, -1.0, 1.2, -1.2)])
+    thrown = [of(k * (1.0 + REACH * x), 1.0) for x, _ in steps]
+    middle, aside = plane_of(steps, ["k", "step 2"], thrown, known)
+    for name, wanted in (("k", of(k * (1.0 + REACH), 1.0)), ("step 2", of(k, 1.001))):
+        found = aside[name].drive_force["1"] - middle.drive_force["1"]
+        exact = wanted.drive_force["1"] - of(k, 1.0).drive_force["1"]
+        np.testing.assert_allclose(found, exact, atol=0.01 * np.abs(exact).max())
+    wrong = {"k": (of(k, 2.0), of(k, 1.0), 1.0), **known}
+    _, moved = plane_of(steps, ["k", "step 2"], thrown, wrong)
+    away = moved["k"].drive_force["1"] - aside["k"].drive_force["1"]
+    share = 0.5 / (0.5 + float((steps[:, 0] ** 2).sum()))
+    assert np.abs(away).max() == pytest.approx(share * 1500.0, rel=0.02)
+
+
 def test_a_plane_has_the_slopes_of_a_smooth_model_and_shares_throws_of_repeats() -> None:
     whole = misfit(alike(2, seed=1))
     whole.effects = {"mu": (0.0, 0.004)}
-    plane, local = whole.smoothed(TRUE, ("k",), {}), whole.local(TRUE, ("k",))
+    plane, local = whole.smoothed(TRUE, ("k",), {}, np.eye(1)), whole.local(TRUE, ("k",))
     assert whole.evaluator.made == (1 + 8) + (2 + 2)
     for one, other in zip(plane.simulated, local.simulated, strict=True):
         np.testing.assert_allclose(one.drive_force["1"], other.drive_force["1"], atol=0.05)

@@ -20,10 +20,11 @@ from scipy.optimize import lsq_linear
 from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.linearisation import (
+    REACH,
     SAME_ROUGH_SLOPE,
     Linearisation,
     Thrown,
-    reach_of,
+    reaches_of,
 )
 from turnout.calibration.measured_movements import BIN
 from turnout.calibration.misfit import (
@@ -164,10 +165,8 @@ BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
 BRIEF_REJECTED = 4
 # Planes at the end of a fit at most, the predicted decrease for each parameter below which it is
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
-# step goes at most [reaches]. With more parameters, some of them states or sizes of causes that
-# forces hardly tell apart, steps of planes do not come to an end.
+# step goes at most [reaches].
 SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 8, 0.3, 3, 10.0
-SMOOTH_MOST = 8
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
 # Relative change of the noise beyond which the fit is repeated with it [-].
@@ -288,11 +287,10 @@ def fit(
     known = refined and near is not None and not is_poor(near.misfit)
     if near is not None and known:
         misfit = replace(misfit, comparison=noise_near(near.misfit, misfit.comparison))
-        if len(parameters) <= SMOOTH_MOST:
-            start = replace(near, misfit=misfit.refined(values), values=values, iterations=0)
-            found = smooth_end(start, first, on_step=on_step)
-            if found.converged and not is_poor(found.misfit):
-                return found
+        start = replace(near, misfit=misfit.refined(values), values=values, iterations=0)
+        found = smooth_end(start, first, on_step=on_step)
+        if found.converged and not is_poor(found.misfit):
+            return found
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
         poor = is_poor(misfit) if number else not known
@@ -315,7 +313,7 @@ def fit(
         if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
             break
     found = replace(found, iterations=iterations)
-    if not refined or poor or len(parameters) > SMOOTH_MOST:
+    if not refined or poor:
         return found
     smooth = smooth_end(found, first, on_step=on_step)
     return smooth if smooth.converged else found
@@ -343,10 +341,12 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
         The same one where a throw cannot be simulated.
     """
     names, misfit, values = [p.name for p in found.parameters], found.misfit, found.values
-    reaches, thrown = np.array([reach_of(p) for p in found.parameters]), dict[int, Thrown]()
+    known, J = found.local, found.jacobian
+    thrown = dict[int, Thrown]()
     for number in range(1, SMOOTH_PASSES + 1):
         try:
-            local = misfit.smoothed(values, names, thrown)
+            wide = reaches_of(found.parameters, J)
+            local = misfit.smoothed(values, names, thrown, wide, known)
         except SolverError:
             return found
         frame = framed(local, misfit)
@@ -354,7 +354,8 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         step, predicted_decrease = bounded_step(r, J, found.parameters, values, 0.0)
         # Beyond, planes are no longer those of the responses.
-        step = step * min(1.0, SMOOTH_STEP / float(np.abs(step / reaches).max(initial=1e-9)))
+        far = np.linalg.solve(REACH * wide, step)
+        step = step * min(1.0, SMOOTH_STEP / float(np.abs(far).max(initial=1e-9)))
         effects = effects_after(misfit, local, frame, names, step)
         values = {
             **local.values,

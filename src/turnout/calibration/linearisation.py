@@ -12,7 +12,7 @@ from scipy.linalg import hadamard
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.objects import is_of_object
-from turnout.calibration.parameter import Parameter
+from turnout.calibration.parameter import Parameter, prior_information
 from turnout.core.errors import SolverError
 
 T = TypeVar("T")
@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 Plane = tuple[Response, dict[str, Response]]
 Thrown = list[tuple[Mapping[str, float], Response]]
 """Values of a movement of its own, and the response to them."""
+Differences = Mapping[str, tuple[Response, Response, float]]
+"""By parameter the response aside, the one before, and how far this is [reaches]."""
 # Far enough for the noise of the solver, near enough for a straight line [coordinate]: of quick
 # throws and of parameters with priors, and of those near the end, where slips begin nearby.
 DIFFERENCE, FINE_DIFFERENCE = 0.01, 0.003
@@ -31,9 +33,14 @@ SAME_ROUGH_SLOPE, SAME_SLOPE = 0.04, 0.01
 OBJECT_DIFFERENCE = 0.05
 # Slopes with thickness and place of an object change so much less over a coordinate [-].
 SLOWER = 0.2
-# Least pairs of throws on opposite sides for a plane, and those of one near by; throws within
-# so many reaches make a plane together.
-FEWEST_PAIRS, NEAR_REACHES = 4, 3.0
+# Throws for a plane are at least so far to all sides [coordinate], which is what instants of slips
+# change over, and otherwise so many deviations of the values, so many reaches at most.
+REACH, WIDE, WIDEST = 1e-3, 3.0, 60.0
+# Pairs of throws on opposite sides for the first plane at least and, where slopes are known, at
+# most; those of one near by; throws within so many reaches make a plane together.
+FEWEST_PAIRS, FIRST_PAIRS, MORE_PAIRS, NEAR_REACHES = 4, 8, 4, 3.0
+# Root of the weight of a known slope, which is from two throws, beside one throw [-].
+KNOWN_WEIGHT = 0.5**0.5
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
@@ -121,6 +128,16 @@ class Linearisation:
             if self.stepped[name][number] is not before
         ]
 
+    def differences(self, number: int, parameters: Sequence[Parameter]) -> Differences:
+        """Return what is known of the slopes of a movement with some parameters."""
+        before = self.origin[number]
+        return {
+            p.name: (aside, before, self.steps[p.name][number] / REACH)
+            for p in parameters
+            for aside in [self.stepped[p.name][number] if p.name in self.stepped else before]
+            if aside is not before
+        }
+
     def with_movements(self, numbers: Sequence[int], other: "Linearisation") -> "Linearisation":
         """Return this with some movements of another one, in the order of the numbers."""
         place = {number: n for n, number in enumerate(numbers)}
@@ -161,26 +178,48 @@ def _along(base: Response, changes: Sequence[tuple[Response, Response, float]]) 
     )
 
 
-def reach_of(parameter: Parameter) -> float:
-    """Return how far to all sides a parameter is thrown for a plane [coordinate]."""
-    return DIFFERENCE if parameter.prior and not is_of_object(parameter) else FINE_DIFFERENCE
-
-
 def apart_in_reaches(
     one: Mapping[str, float], other: Mapping[str, float], parameters: Sequence[Parameter]
 ) -> Floats:
     """Return how far values are from others, in reaches of each parameter, shape (p,)."""
     return np.array(
-        [
-            (p.coordinate(one[p.name]) - p.coordinate(other[p.name])) / reach_of(p)
-            for p in parameters
-        ],
+        [(p.coordinate(one[p.name]) - p.coordinate(other[p.name])) / REACH for p in parameters],
         dtype=np.float64,
     )
 
 
+def reaches_of(parameters: Sequence[Parameter], J: Floats) -> Floats:
+    r"""Return how far to all sides values are thrown for a plane, shape (p, p), in reaches.
+
+    .. math:: R = V \max(1, \min(3 s, 60)) V^T, \quad V s^2 V^T = (J^T J + P)^{-1}
+
+    Over less, a slope in a direction that is hardly known would be that of what is rough, which
+    looks like information; over more, responses are no planes. A parameter that scatters goes one
+    difference of quick throws alone: each movement shows its own well.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+        The p that differ.
+    J : ndarray, shape (n, p)
+        Of whitened residuals with each coordinate.
+    """
+    covariance = np.linalg.inv(J.T @ J + np.diag(prior_information(parameters)))
+    alike = np.array([item.scatter == 0.0 for item in parameters])
+    shared = np.where(np.outer(alike, alike), covariance, 0.0)
+    squares, V = np.linalg.eigh(shared / REACH**2)
+    far = np.clip(WIDE * np.sqrt(np.maximum(squares, 0.0)), 1.0, WIDEST)
+    own = np.where(alike, 0.0, FINE_DIFFERENCE / REACH - 1.0)
+    return np.asarray(V * far @ V.T + np.diag(own))
+
+
 def points_about(
-    values: Mapping[str, float], parameters: Sequence[Parameter], *, turn: int | None = None
+    values: Mapping[str, float],
+    parameters: Sequence[Parameter],
+    reaches: Floats,
+    *,
+    thrown: int = 0,
+    known: bool = False,
 ) -> list[dict[str, float]]:
     """Return values on all sides of others, at several distances, in which all parameters differ.
 
@@ -192,20 +231,23 @@ def points_about(
         In the middle.
     parameters : sequence of Parameter
         The p that differ.
-    turn : int, optional
-        For a few points alone, others with each turn; default enough for a plane.
+    reaches : ndarray, shape (p, p)
+        Of `reaches_of`.
+    thrown : int
+        Pairs that are near by already: the next ones in turn follow, `MORE_PAIRS` of them.
+    known : bool
+        Whether slopes are known: then the first plane wants no pairs for all of them.
     """
     count = len(parameters)
     half = orthogonal_signs(count)
     far = 0.5 + (np.arange(len(half)) + 0.5) / len(half)
-    rows = half[:, :count] * far[:, None]
-    if turn is not None:
-        rows = rows[(FEWEST_PAIRS * turn + np.arange(FEWEST_PAIRS)) % len(rows)]
+    most = MORE_PAIRS if thrown else min(len(half), FIRST_PAIRS if known else len(half))
+    rows = (half[:, :count] * far[:, None])[(thrown + np.arange(most)) % len(half)] @ reaches
     return [
         {
             **values,
             **{
-                p.name: p.value(p.coordinate(values[p.name]) + float(side) * reach_of(p))
+                p.name: p.value(p.coordinate(values[p.name]) + float(side) * REACH)
                 for p, side in zip(parameters, row, strict=True)
             },
         }
@@ -213,8 +255,13 @@ def points_about(
     ]
 
 
-def plane_of(steps: Floats, names: Sequence[str], responses: Sequence[Response]) -> Plane:
+def plane_of(
+    steps: Floats, names: Sequence[str], responses: Sequence[Response], known: Differences
+) -> Plane:
     """Return the plane nearest to responses: in the middle, and one reach aside by name.
+
+    A known slope counts as one from two throws a reach apart, whose level does not count: a plane
+    of many parameters wants no throws for all its slopes at once.
 
     Parameters
     ----------
@@ -224,10 +271,20 @@ def plane_of(steps: Floats, names: Sequence[str], responses: Sequence[Response])
         Of the p parameters.
     responses : sequence of Response
         On the same times.
+    known : mapping of str to (Response, Response, float)
+        Of some of the parameters: aside, before that, and how far this is [reaches].
     """
-    weights = np.linalg.pinv(np.column_stack([np.ones(len(steps)), steps]))
-    return combined(responses, weights[0]), {
-        name: combined(responses, weights[0] + row)
+    own = [(names.index(name), *item) for name, item in known.items()]
+    rows = np.zeros((len(steps) + len(own), 1 + len(names)))
+    rows[: len(steps)] = np.column_stack([np.ones(len(steps)), steps])
+    for row, (number, *_) in zip(rows[len(steps) :], own, strict=True):
+        row[1 + number] = KNOWN_WEIGHT
+    weights = np.linalg.pinv(rows)
+    of_known = weights[:, len(steps) :] * [KNOWN_WEIGHT / far for *_, far in own]
+    weights = np.hstack([weights[:, : len(steps)], of_known, -of_known])
+    thrown = [*responses, *(item[1] for item in own), *(item[2] for item in own)]
+    return combined(thrown, weights[0]), {
+        name: combined(thrown, weights[0] + row)
         for name, row in zip(names, weights[1:], strict=True)
     }
 

@@ -12,8 +12,11 @@ from turnout.calibration.linearisation import (
     DIFFERENCE,
     FINE_DIFFERENCE,
     NEAR_REACHES,
+    REACH,
     SAME_SLOPE,
+    Differences,
     Linearisation,
+    Plane,
     Thrown,
     apart_in_reaches,
     difference_of,
@@ -21,7 +24,6 @@ from turnout.calibration.linearisation import (
     moved_aside,
     plane_of,
     points_about,
-    reach_of,
     stepped_value,
     touches,
 )
@@ -284,7 +286,12 @@ class Misfit:
         )
 
     def smoothed(
-        self, values: Mapping[str, float], vary: Sequence[str], thrown: dict[int, Thrown]
+        self,
+        values: Mapping[str, float],
+        vary: Sequence[str],
+        thrown: dict[int, Thrown],
+        reaches: Floats,
+        known: Linearisation | None = None,
     ) -> Linearisation:
         """Simulate on all sides of values, and return the plane nearest to the responses.
 
@@ -302,6 +309,10 @@ class Misfit:
         thrown : dict of int to list
             By movement what was thrown for planes before, which those near by are part of; what is
             thrown now is added.
+        reaches : ndarray, shape (len(vary), len(vary))
+            Of `reaches_of`.
+        known : Linearisation, optional
+            With slopes from near by, which are part of each plane.
 
         Raises
         ------
@@ -321,19 +332,9 @@ class Misfit:
         acting = {
             n: [p for p in stepped if self._acts(p, n, whole, thrown[n][-1][1])] for n in numbers
         }
-        self._throw_into(
-            thrown,
-            [
-                (n, point)
-                for n in numbers
-                for enough in [len(_near(thrown[n], own[n], acting[n])[0]) > len(acting[n]) + 1]
-                for point in points_about(whole, acting[n], turn=len(thrown[n]) if enough else None)
-            ],
-        )
-        planes = {}
-        for n in numbers:
-            steps, responses = _near(thrown[n], own[n], acting[n])
-            planes[n] = plane_of(steps, [p.name for p in acting[n]], responses)
+        far = {n: _of_some(reaches, vary, acting[n]) for n in numbers}
+        slopes = {n: known.differences(n, acting[n]) if known else {} for n in numbers}
+        planes = self._planes(whole, acting, thrown, far, slopes)
         found = Linearisation(
             values=whole,
             simulated=tuple(planes[n][0] for n in leaders),
@@ -342,13 +343,10 @@ class Misfit:
                 p.name: tuple(planes[n][1].get(p.name, planes[n][0]) for n in leaders)
                 for p in stepped
             },
-            steps={p.name: (reach_of(p),) * len(leaders) for p in stepped},
+            steps={p.name: (REACH,) * len(leaders) for p in stepped},
             shares={
                 p.name: tuple(
-                    reach_of(p)
-                    * p.slope(whole[p.name])
-                    / whole[p.name]
-                    * (1.0 + self.effect(p.name, n))
+                    REACH * p.slope(whole[p.name]) / whole[p.name] * (1.0 + self.effect(p.name, n))
                     for n in leaders
                 )
                 for p in stepped
@@ -366,6 +364,29 @@ class Misfit:
                 for n, leader in enumerate(leaders)
             ]
         )
+
+    def _planes(
+        self,
+        whole: Mapping[str, float],
+        acting: Mapping[int, Sequence[Parameter]],
+        thrown: dict[int, Thrown],
+        far: Mapping[int, Floats],
+        slopes: Mapping[int, Differences],
+    ) -> dict[int, Plane]:
+        """Throw movements on all sides of values, and return the plane of each."""
+        own = {n: self._inputs_of(whole, n) for n in acting}
+        jobs: list[tuple[int, Mapping[str, float]]] = []
+        for n, some in acting.items():
+            count = len(_near(thrown[n], own[n], some, far[n])[0])
+            enough = count + len(slopes[n]) > len(some) + 1
+            pairs, known = count // 2 if enough else 0, len(slopes[n]) == len(some)
+            jobs += [(n, x) for x in points_about(whole, some, far[n], thrown=pairs, known=known)]
+        self._throw_into(thrown, jobs)
+        planes = {}
+        for n, some in acting.items():
+            steps, responses = _near(thrown[n], own[n], some, far[n])
+            planes[n] = plane_of(steps, [p.name for p in some], responses, slopes[n])
+        return planes
 
     def _throw_into(
         self, thrown: dict[int, Thrown], jobs: Sequence[tuple[int, Mapping[str, float]]]
@@ -451,12 +472,22 @@ class Misfit:
         return self._kept(number, response, values)
 
 
+def _of_some(matrix: Floats, names: Sequence[str], parameters: Sequence[Parameter]) -> Floats:
+    """Return the part of a matrix that is of some parameters; one for those that it has not."""
+    found = np.eye(len(parameters))
+    pairs = [(n, list(names).index(p.name)) for n, p in enumerate(parameters) if p.name in names]
+    own, rows = [n for n, _ in pairs], [n for _, n in pairs]
+    found[np.ix_(own, own)] = matrix[np.ix_(rows, rows)]
+    return found
+
+
 def _near(
-    thrown: Thrown, middle: Mapping[str, float], parameters: Sequence[Parameter]
+    thrown: Thrown, middle: Mapping[str, float], parameters: Sequence[Parameter], reaches: Floats
 ) -> tuple[Floats, list[Response]]:
     """Return those of some throws that are near values: their distances, and their responses."""
     apart = [apart_in_reaches(inputs, middle, parameters) for inputs, _ in thrown]
-    near = [n for n, row in enumerate(apart) if np.abs(row).max(initial=0.0) <= NEAR_REACHES]
+    most = [np.abs(np.linalg.solve(reaches, row)).max(initial=0.0) for row in apart]
+    near = [n for n, far in enumerate(most) if far <= NEAR_REACHES]
     steps = np.array([apart[n] for n in near], dtype=np.float64).reshape(-1, len(parameters))
     return steps, [thrown[n][1] for n in near]
 
