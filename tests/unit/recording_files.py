@@ -64,6 +64,17 @@ JSON: list[File] = [
      {"Force": (25.0, 0.0)}),
     ("JSON throw with an index", ".json",
      as_json([{"time": list(range(COUNT)), "Force": LISTS["Force"]}]), ("may be an index",)),
+    ("JSON, pairs of a time and a value", ".json",
+     as_json({"name": "Force", "data": np.column_stack((TIME, FORCE)).tolist()}),
+     ("its cells hold pairs of numbers",)),
+    ("JSON, different lengths", ".json", as_json({"time": TIME.tolist(), "Force": [1.0, 2.0]}),
+     ("different lengths (time 40, Force 2)",)),
+    ("JSON, decimal commas", ".json", as_json({
+        k: [f"{v:.3f}".replace(".", ",") for v in values]
+        for k, values in (("time", TIME), ("Force", FORCE), ("Current", CURRENT))}), BOTH),
+    ("JSON rows without names", ".json",
+     as_json(np.column_stack((TIME, FORCE, CURRENT)).tolist()),
+     {"column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),
     ("JSON without a time", ".json", as_json(LISTS), ("neither times nor a sample rate",)),
     ("JSON cut off", ".json", lambda path: path.write_text('{"time": [1, 2', "utf-8"),
      ("is no JSON",)),
@@ -142,13 +153,18 @@ SHEETS: list[File] = [
 ]  # fmt: skip
 
 
-def comtrade(*, binary: bool = False, data: bool = True, rate: str = "25") -> Write:
+def comtrade(
+    *, binary: bool = False, data: bool = True, rate: str = "25", later: float = STEP
+) -> Write:
     def write(path: Path) -> None:
         kind = "BINARY" if binary else "ASCII"
         channels = (
             "1,Force,,,kN,0.001,0,0,-32767,32767,1,1,P\n2,Current,,,A,0.001,0,0,0,32767,1,1,P\n"
         )
-        text = f"Station,1,1999\n2,2A,0D\n{channels}50\n1\n{rate},{COUNT}\n"
+        rates = f"1\n{rate},{COUNT}\n"
+        if later != STEP:
+            rates = f"2\n{rate},{COUNT // 2}\n{1 / later:g},{COUNT}\n"
+        text = f"Station,1,1999\n2,2A,0D\n{channels}50\n{rates}"
         begin = "28/11/2026,08:14:00.000000\n"
         path.write_text(text + begin + begin + f"{kind}\n1.0\n", "utf-8")
         counts = np.rint(np.column_stack((FORCE, CURRENT)) * 1000).astype("<i2")
@@ -160,7 +176,9 @@ def comtrade(*, binary: bool = False, data: bool = True, rate: str = "25") -> Wr
             held["n"], held["t"], held["v"] = np.arange(COUNT) + 1, np.rint(TIME * 1e6), counts
             path.with_suffix(".dat").write_bytes(held.tobytes())
             return
-        lines = (f"{n + 1},{n * 40_000},{a},{b}\r\n" for n, (a, b) in enumerate(counts))
+        steps = np.repeat([STEP, later], COUNT // 2)
+        stamps = np.rint((np.cumsum(steps) - steps) * 1e6).astype(int)
+        lines = (f"{n + 1},{stamps[n]},{a},{b}\r\n" for n, (a, b) in enumerate(counts))
         path.with_suffix(".dat").write_text("".join(lines), "utf-8")
 
     return write
@@ -181,8 +199,12 @@ TEXTUAL: list[File] = [
     ("COMTRADE", ".cfg", comtrade(), BOTH),
     ("COMTRADE, binary", ".cfg", comtrade(binary=True), BOTH),
     ("COMTRADE, times only", ".cfg", comtrade(rate="0"), BOTH),
+    ("COMTRADE, two rates", ".cfg", comtrade(later=0.02),
+     ("its step is 0.04 s up to 0.8 s and 0.02 s behind it",)),
     ("COMTRADE, no data", ".cfg", comtrade(data=False), (".dat file is not beside it",)),
     ("UFF", ".uff", uff, BOTH),
+    ("UFF without histories", ".unv", lambda path: path.write_text(
+        "    -1\n   151\nmodel\n    -1\n", "utf-8"), ("no time histories (data set 58)",)),
     ("imc FAMOS", ".raw", lambda path: path.write_bytes(b"|CF,2,1,1;|CK,1,3,1,1;" + bytes(99)),
      ("imc FAMOS", "export it as ASCII or MDF")),
 ]  # fmt: skip
@@ -209,6 +231,13 @@ def stamped(path: Path) -> None:
         opened.create_dataset("time", data=np.array([str(m) for m in MOMENTS], dtype="S32"))
         for name, values in (("Current", CURRENT), ("Force", FORCE)):
             opened.create_dataset(name, data=values)
+
+
+def starts(path: Path) -> None:
+    with h5py.File(path, "w") as opened:
+        for name, values, begin in (("Current", CURRENT, "01.5"), ("Force", FORCE, "00.0")):
+            item = opened.create_dataset(name, data=values)
+            item.attrs.update(fs=25.0, start_time=f"2026-11-28T08:14:{begin}")
 
 
 def compound(path: Path) -> None:
@@ -289,6 +318,7 @@ NAMED: list[File] = [
     ("HDF5, index", ".h5", hdf5(time=(np.arange(COUNT), {})), ("may be an index",)),
     ("HDF5, a shaft's rate", ".h5", hdf5(file={"rate": 25.0}, group="shaft"),
      ("neither times nor a sample rate",)),
+    ("HDF5, starts", ".h5", starts, {"Current": (25.0, 1.5), "Force": (25.0, 0.0)}),
     ("HDF5, two rates", ".h5", hdf5(each={"fs": 25.0, "dt": 0.001}), ("two clocks",)),
     ("HDF5, time stamps", ".h5", stamped, SWAPPED),
     ("HDF5, table", ".h5", compound, BOTH),
@@ -337,7 +367,7 @@ NAMED: list[File] = [
 def tdms(
     *, file: dict[str, Any] | None = None, group: dict[str, Any] | None = None,
     first: dict[str, Any] | None = None, second: dict[str, Any] | None = None,
-    time: tuple[str, Any] | None = None,
+    time: tuple[str, Any] | None = None, later: Any = None,
 ) -> Write:  # fmt: skip
     def write(path: Path) -> None:
         nptdms = optional("nptdms")
@@ -345,6 +375,8 @@ def tdms(
         if time is not None:
             objects.append(nptdms.ChannelObject("g", *time))
         objects.append(nptdms.ChannelObject("g", "Force", FORCE, first or {}))
+        if later is not None:
+            objects.append(nptdms.ChannelObject("g", "Time 2", later))
         objects.append(nptdms.ChannelObject("g", "Current", CURRENT, second or first or {}))
         with nptdms.TdmsWriter(path) as opened:
             opened.write_segment(objects)
@@ -360,6 +392,30 @@ def mat_objects(*, timetable: bool, version: str = "v7", stated: bool = False) -
         index = pd.to_datetime(MOMENTS) if timetable else None
         table = pd.DataFrame(ARRAYS, index=index)
         matio.save_to_mat(str(path), {"T": table, **({"fs": 25.0} if stated else {})}, version)
+
+    return write
+
+
+def time_series(*, version: str = "v7", kind: str = "timeseries", **clock: Any) -> Write:
+    """Return a function that saves time series as objects, as MATLAB does."""
+
+    def text(value: str) -> Any:
+        return np.array([value])
+
+    def write(path: Path) -> None:
+        matio, opaque = optional("matio"), optional("matio.utils.matclass").MatlabOpaque
+        held = {}
+        for name, values in ARRAYS.items():
+            info = {"Units": text("milliseconds"), **clock}
+            parts = {
+                "Name": text(name),
+                "Data_": values[:, None],
+                "Time_": np.zeros((0, 0)) if clock else TIME[:, None] * 1e3,
+                "TimeInfo": opaque(info, "tsdata.timemetadata"),
+                "DataInfo": opaque({"Units": text("kN")}, "tsdata.datametadata"),
+            }
+            held[f"series_{name}"] = opaque(parts, kind)
+        matio.save_to_mat(str(path), held, version)
 
     return write
 
@@ -402,6 +458,19 @@ OPTIONAL: list[File] = [
     ("MATLAB, table and a rate", ".mat", mat_objects(timetable=False, stated=True), BOTH),
     ("MATLAB, table without a time", ".mat", mat_objects(timetable=False),
      ("neither times nor a sample rate",)),
+    ("MATLAB, time series", ".mat", time_series(), BOTH),
+    ("MATLAB 7.3, time series", ".mat", time_series(version="v7.3"), SWAPPED),
+    ("MATLAB, even time series", ".mat",
+     time_series(Start=np.array([[0.0]]), Increment=np.array([[40.0]])), BOTH),
+    ("MATLAB, other objects", ".mat", time_series(kind="Recorder"),
+     ("objects of the class Recorder are not read",)),
+    ("TDMS, two times", ".tdms", tdms(time=("Time 1", TIME), later=TIME + 1.5),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
+    ("TDMS over a frequency", ".tdms",
+     tdms(first={**WAVE, "wf_xname": "Frequency", "wf_xunit_string": "Hz"}),
+     ("it is over Frequency, not over time",)),
+    ("TDMS, falling", ".tdms", tdms(first={"wf_increment": -STEP}),
+     ("'wf_increment: -0.04' is no rate",)),
     ("TDMS, rate of the group", ".tdms", tdms(group={"SampleRate": "25 Hz"}), BOTH),
     ("TDMS, rate of the file", ".tdms", tdms(file={"sr": 25.0}), BOTH),
     ("TDMS, a shaft's rate", ".tdms", tdms(group={"rate": 25.0}), ("neither times nor",)),
@@ -421,6 +490,9 @@ OPTIONAL: list[File] = [
     ("MDF over a distance", ".mf4", mdf(sync=3), ("recorded over a distance",)),
     ("Parquet, moments", ".parquet", parquet({"when": MOMENTS, **ARRAYS}), BOTH),
     ("Parquet, index of moments", ".parquet", parquet(ARRAYS, index=MOMENTS), BOTH),
+    ("Parquet, date beside a time", ".parquet",
+     parquet({"date": MOMENTS[:1].astype("M8[D]").repeat(COUNT).astype("M8[us]"), "time": TIME,
+              **ARRAYS}), BOTH),
     ("Parquet, named index", ".parquet", parquet(ARRAYS, index=TIME, name="time"), BOTH),
     ("Parquet, index of numbers", ".parquet", parquet(ARRAYS, index=np.arange(COUNT) * 2),
      ("neither times nor",)),

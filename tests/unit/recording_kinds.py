@@ -101,6 +101,13 @@ RATES: list[Kind] = [
         "Logging interval: 0.04 s",
         "Sample time: 0.04 s",
         '"Sample Interval",4.000000e-02,s',
+        "SamplingRate 25 Hz",
+        "Sampling rate: 25Hz; Channels: 2",
+        "Messfrequenz: 25 Hz",
+        "Intervall;40;ms",
+        "Fréquence d'échantillonnage : 25 Hz",
+        "Points per second: 25",
+        "Sample Interval,0.04,CH1:0.04",
     )
 ] + [
     ("rate: thousands", stated("Sample rate: 1,000 Hz"), dict.fromkeys(BOTH, (1000.0, 0.0))),
@@ -127,13 +134,23 @@ RATES: list[Kind] = [
     ),
     ("rate: words behind", stated("Sample rate: 25 Hz (all channels)"), BOTH),
     ("rate: in words", stated("Sample rate: 25 samples per second"), BOTH),
-    ("rate: two numbers", stated("Sample rate: 25 of 50 Hz"), ("no known unit",)),
+    ("rate: two numbers", stated("Sample rate: 25 of 50 Hz"), ("is not one number with its unit",)),
     ("rate: label with its unit", stated("Abtastrate [Hz];25"), BOTH),
     ("rate: sampling, a time", stated("Sampling: 40 ms"), BOTH),
     ("rate: sampling, a frequency", stated("Sampling,25Hz"), BOTH),
     ("rate: sampling without a unit", stated("Sampling: 25"), ("neither times nor",)),
     ("rate: mains", stated("Frequency: 50 Hz"), ("not taken for the sample rate", "neither")),
     ("rate: twice", stated("Sample rate: 25 Hz\nSample interval: 4 ms"), ("two clocks",)),
+    *(
+        (f"rate: {line}", stated(line), (f"'{line}' is not taken for the sample rate",))
+        for line in ("Time base: 40 ms", "Clock: 25 Hz", "Sampling: every 40 ms")
+    ),
+    ("rate: duration", stated("Sample interval: 0:00:00.040"), ("is not one number",)),
+    (
+        "rate: start in seconds",
+        stated("Start time: 12.5 s\nSample rate: 25 Hz"),
+        dict.fromkeys(BOTH, (25.0, 12.5)),
+    ),
     ("rate: zero", stated("Sample rate: 0 Hz"), ("is no rate",)),
     ("rate: ambiguous", "Sample rate: 1.000 Hz\nA (V),B (V)\n1,2\n3,4\n5,6\n", ("a thousand",)),
     ("rate: none", VALUES + rows(), ("neither times nor a sample rate",)),
@@ -167,6 +184,14 @@ TIMES: list[Kind] = [
             ("Time (d)", lambda n: f"{46_354.343 + n * STEP / 86_400:.12f}"),
             ("Date", lambda n: f"{46_354.343 + n * STEP / 86_400:.12f}"),
             ("Datum", lambda n: f"{739_949.343 + n * STEP / 86_400:.9f}"),
+            ("elapsed_s", seconds),
+            ("seconds", seconds),
+            ("millis", milliseconds),
+            ("in s", seconds),
+            ("Time offset [ms]", milliseconds),
+            ("Time", lambda n: f"{n * 40} ms"),
+            ("Time", lambda n: f"0 days 00:00:{n * STEP:09.6f}"),
+            ("Time [hh:mm:ss.ms]", lambda n: f"08:14:{n * STEP:06.3f}"),
         )
     ),
     ("time: days beside parts of a day",
@@ -210,6 +235,13 @@ TIMES: list[Kind] = [
          f"{n * STEP:.2f},{FORCE[n]},{f'{n * 0.2:.1f},{CURRENT[n]}' if n < 8 else ','}\n"
          for n in range(COUNT)),
      {"Force": (25.0, 0.0), "Current": (5.0, 0.0)}),
+    ("time: rate changes",
+     HEAD + rows(time=lambda n: f"{n * STEP if n < 20 else 0.8 + (n - 20) * 0.02:.2f}"),
+     ("its step is 0.04 s up to 0.8 s and 0.02 s behind it",)),
+    ("time: numbered columns of times",
+     "Time 1 (s),Force [kN],Time 2 (s),Current [A]\n" + "".join(
+         f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
     ("time: two starts",
      "Time (s),Force [kN],Time (s),Current [A]\n" + "".join(
          f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
@@ -233,6 +265,7 @@ STAMPS: list[Kind] = [
             "%H:%M:%S.%f",
             "%H:%M:%S:%f",
             "%M:%S.%f",
+            "%d.%m.%Y - %H:%M:%S.%f",
             "%I:%M:%S.%f %p",
         )
     ),
@@ -261,6 +294,9 @@ STAMPS: list[Kind] = [
      "Sample rate: 25 Hz\n" + stamped("%Y-%m-%d %H:%M:%S"), BOTH),
     ("stamps: ambiguous", stamped("%m/%d/%Y %H:%M:%S.%f", begin=datetime(2026, 3, 4, 8)),
      ("its day or its month first",)),
+    ("stamps: year in two digits", stamped("%d/%m/%y %H:%M:%S.%f"),
+     ("its day, its month or its year first",)),
+    ("stamps: unknown layout", stamped("%Y-%m-%d-%H-%M-%S.%f"), ("times of no known layout",)),
     ("stamps: hours or minutes", stamped("%H:%M", step=60.0), ("hours and minutes or",)),
     ("stamps: not all", stamped("%H:%M:%S.%f").replace("08:14:00.400", "soon"), ("'soon' is no",)),
 ]  # fmt: skip
@@ -294,6 +330,30 @@ NUMBERS: list[Kind] = [
      "Timestamp Force Current\n" + rows(" ", time=moment("%Y-%m-%d %H:%M:%S.%f")), BOTH),
     ("numbers: a name too few", "Time (s),Force\n" + rows(time=seconds),
      ("2 names for 3 columns",)),
+    ("numbers: a name too many", "Time rod Force Current\n" + rows(" ", time=seconds),
+     ("4 names for 3 columns",)),
+    ("numbers: mark of a comment", "% t Force Current\n" + rows(" ", time=seconds), BOTH),
+    ("numbers: names of several words",
+     "Time of run [s] Force [kN] Current [A]\n" + rows(" ", time=seconds), BOTH),
+    ("numbers: last unit empty", "Time,Force,Current\ns,kN,\n" + rows(time=seconds), BOTH),
+    ("numbers: columns numbered above", "1,2,3\nTime [s],Force,Current\n" + rows(time=seconds),
+     BOTH),
+    ("numbers: unit in each cell", "Time;Force;Current\n" + "".join(
+        f"{n * STEP:.2f} s;{f} kN;{CURRENT[n]} A\n" for n, f in enumerate(FORCE)), BOTH),
+    ("numbers: units change", "Time (s);Force\n" + "".join(
+        f"{n * STEP:.2f};{f} {'k' * (n % 2)}N\n" for n, f in enumerate(FORCE)),
+     ("its cells are in 'N', 'kN'",)),
+    ("numbers: formulas", HEAD + rows(time=seconds, number=lambda v: f'="{v:.3f}"'), BOTH),
+    ("numbers: comma twice", "Zeit (s),Force (kN)\n" + "".join(
+        f"{german(n * STEP)},{german(f)}\n" for n, f in enumerate(FORCE)),
+     ("the comma parts its columns and its decimals",)),
+    ("numbers: rows are channels", "".join(
+        ",".join([name, *(f"{v}" for v in values)]) + "\n" for name, values in (
+            ("Time (s)", np.round(np.arange(COUNT) * STEP, 2)), ("Force [kN]", FORCE),
+            ("Current [A]", CURRENT))), BOTH),
+    ("numbers: rows are curves", "".join(
+        ";".join(["1", *(f"{v}" for v in CURRENT)]) + "\n" for _ in range(5)),
+     ("curves may lie in its rows",)),
     ("numbers: overloads", HEAD + rows(time=seconds).replace("6.400", "OVL").replace("5.515", "***")
      .replace("4.826", "+++++").replace("4.289", "Infinity").replace("3.872", "9.91E+37")
      .replace("3.546", "\u221e"), BOTH),
@@ -360,6 +420,27 @@ LOGGERS: list[Kind] = [
      "Vendor,Graphtec Corporation\nSampling interval,40ms\nNumber,Date&Time,ms,Force,Current\n"
      "NO.,Time,ms,kN,A\n" + rows(time=lambda n: f"{n + 1},{moment('%Y/%m/%d %H:%M:%S,%f')(n)}"),
      BOTH),
+    ("catman, two rates",
+     "Time  1 - default sample rate\tForce\tTime  2 - slow sample rate\tCurrent\ns\tkN\ts\tA\n"
+     + "".join(f"{n * STEP:.2f}\t{FORCE[n]}\t"
+               + (f"{n * 0.2:.1f}\t{CURRENT[n]}\n" if n < 8 else "\t\n") for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "Current": (5.0, 0.0)}),
+    ("catman with its start",
+     "T0\t28.11.2026 08:14:00\nZeit  1 - Standardmessrate\tForce\tCurrent\ns\tkN\tA\n"
+     "S1\tS2\tS3\n" + rows("\t", time=seconds), BOTH),
+    ("Beckhoff",
+     "Name\tTrace\nName\tForce\tName\tCurrent\nSampleTime[ms]\t40\tSampleTime[ms]\t40\n"
+     "Unit\tkN\tUnit\tA\n\n" + "".join(
+         f"{n * 40}\t{FORCE[n]}\t{n * 40}\t{CURRENT[n]}\n" for n in range(COUNT)), BOTH),
+    ("Instek, a trailing comma", "Source,CH1\nSampling Period,4.000E-02\nMode,Detail\nForce,\n"
+     + "".join(f"{value},\n" for value in FORCE), {"Force": (25.0, 0.0)}),
+    ("Yokogawa, two blocks",
+     ('"TraceName","Force","Current"\n"HResolution",4.0e-02,4.0e-02\n' + "".join(
+         f",{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT))) * 2,
+     ("a second table begins at line 43",)),
+    ("second table, wider", "Time (s),Force\n" + "".join(
+        f"{n * STEP:.2f},{f}\n" for n, f in enumerate(FORCE[:30])) + "\n" + HEAD
+     + rows(time=seconds), ("holds tables of different widths",)),
     ("footer", HEAD + rows(time=seconds) + "Mean,0.1,2.5\nMax,1.4,6.4\n", BOTH),
     ("second table", HEAD + rows(time=seconds) + "\n" + HEAD + rows(time=seconds),
      ("a second table begins at line",)),
@@ -367,6 +448,12 @@ LOGGERS: list[Kind] = [
      "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tNo\n"
      "***End_of_Header***\t\n\t\nChannels\t2\t\nY_Unit_Label\tkN\tA\nX0\t0.0\t0.0\n"
      "Delta_X\t0.04\t0.04\n***End_of_Header***\t\t\nForce\tCurrent\tComment\n" + rows("\t"), BOTH),
+    ("LabVIEW, starts",
+     "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tNo\n"
+     "***End_of_Header***\t\n\t\nChannels\t2\t\nDate\t2026/11/28\t2026/11/28\n"
+     "Time\t08:14:00\t08:14:01.5\nX0\t0.0\t0.0\nDelta_X\t0.04\t0.04\n"
+     "***End_of_Header***\t\t\nForce\tCurrent\tComment\n" + rows("\t"),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
     ("LabVIEW over a frequency",
      "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\t\n"
      "Channels\t2\t\nX_Dimension\tFrequency\tFrequency\nX0\t0.0\t0.0\nDelta_X\t0.04\t0.04\n"
@@ -388,6 +475,20 @@ THROWS: list[Kind] = [
      "id;direction;power\n" + "".join(
          f"{k};N;{','.join(f'{v:.1f}' for v in CURRENT)}\n" for k in (1, 2, 3)),
      ("3 throws in one table",)),
+    ("throws: curves in rows",
+     f"id,direction,{','.join(f'p{n}' for n in range(COUNT))}\n" + "".join(
+         f"{k},N,{','.join(map(str, CURRENT))}\n" for k in (1, 2, 3)), ("3 throws in one",)),
+    ("throws: direction changes", "Rate: 25 Hz\ndirection,Force,Current\n" + rows(
+        time=lambda n: "N" if n < 20 else "R"), ("2 throws in one table (column 'direction'",)),
+    ("throws: curve between bars", "id,power\n" + "".join(
+        f"{k},{'|'.join(f'{v:.1f}' for v in CURRENT)}\n" for k in (1, 2, 3)), ("3 throws in one",)),
+    ("throws: long table of numbers", "time,channel,value\n" + "".join(
+        f"{n * STEP:.2f},{k},{values[n]}\n" for n in range(COUNT)
+        for k, values in ((1, FORCE), (2, CURRENT))),
+     {"channel 1": (25.0, 0.0), "channel 2": (25.0, 0.0)}),
+    ("throws: long table of two quantities", "time,machine,I (A),P (W)\n" + "".join(
+        f"{n * STEP:.2f},{k},{CURRENT[n]},{FORCE[n]}\n" for n in range(COUNT) for k in ("A", "B")),
+     {f"{k} {q}": (25.0, 0.0) for k in "AB" for q in "IP"}),
     ("throws: long table",
      "time,signal,value\n" + "".join(
          f"{n * STEP:.2f},{name},{values[n]}\n" for n in range(COUNT)

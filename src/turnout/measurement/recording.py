@@ -170,7 +170,17 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
         message = f"time is not even: two samples at {time[at]:.6g} s are less than a step apart"
         raise ValueError(message)
     index = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
-    return TimeGrid(start, float((time[-1] - start) / index[-1]), index)
+    step = float((time[-1] - start) / index[-1])
+    off = np.abs(time - start - index * step)
+    if off.max() > step:
+        at = int(np.argmax(off))
+        first, last = ((time[b] - time[a]) / (b - a) for a, b in ((0, at), (at, time.size - 1)))
+        message = (
+            f"time is not even: its step is {first:.6g} s up to {time[at]:.6g} s and {last:.6g} s "
+            "behind it; save each part in a file of its own"
+        )
+        raise ValueError(message)
+    return TimeGrid(start, step, index)
 
 
 def on_grid(

@@ -18,7 +18,8 @@ from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, 
 # hold one.
 _UNITS = """
 V mV kV µV uV V/V mV/V µV/V uV/V A mA kA Ohm Ω W kW MW mW VA kVA var F H Hz kHz MHz dB
-N kN MN daN Nm kNm mNm N·m N*m kN·m bar mbar Pa hPa kPa MPa GPa J kJ Wh kWh g kg t
+N kN MN daN Nm kNm mNm Ncm N·m N*m kN·m mNm/A Nm/A gcm2 gcm²
+bar mbar Pa hPa kPa MPa GPa J kJ Wh kWh g kg t
 N/mm2 N/mm² N/m kN/m um/m µm/m μm/m ue µe με µε m/m mm/m µStrain uStrain m mm cm um µm km
 m/s mm/s m/s2 m/s^2 m/s² km/h kph rpm 1/min U/min s ms us µs ns min h d °C degC °F K deg
 ° rad rad/s °/s mrad % ‰ - 1 l/min 1/s S/s kS/s MS/s Sa/s kSa/s
@@ -29,13 +30,16 @@ UNIT_WORDS = {
     **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
     **dict.fromkeys(("watt", "watts"), "W"),
     **dict.fromkeys(("newton", "newtons"), "N"),
+    **dict.fromkeys(("n m",), "Nm"),
     **dict.fromkeys(("second", "seconds", "sec", "sekunden"), "s"),
     **dict.fromkeys(("millisecond", "milliseconds", "msec"), "ms"),
     **dict.fromkeys(("celsius", "deg c", "°c", "gradc"), "°C"),
     **dict.fromkeys(("none", "unknown", "n/a", "dimensionless"), ""),
 }
-# Instruments write these numbers for an overload and for a value that is none [SCPI].
-_OVERLOAD = (9.89e37, 9.92e37)
+# Instruments write 9.9E37 for an overload and 9.91E37 for a value that is none [SCPI], others the
+# largest number there is: no quantity of a switch is so large.
+_OVERLOAD = 9.89e37
+_STAND_INS = (-9999.0, -99999.0, -999.25, -7999.0, 99999.0, -32768.0, 32767.0, 65535.0)
 _LARGEST_RATE, _LEAST_RATE, _LATEST_START, _LARGEST_RATIO = 1e7, 0.1, 1e6, 1e4
 _BEHIND = re.compile(r"(.*?\S)(\s/\s|\s+in\s+|,\s*|\s+)(\S+)")
 # Name and unit without a blank: as a quotient, or as the end of a name in a program.
@@ -101,8 +105,11 @@ def split_unit(text: str) -> tuple[str, str]:
     match = _NAME_AND_UNIT.fullmatch(text)
     if match is not None and match[1]:
         unit = (match[2] if match[2] is not None else match[3]).strip()
+        if match[2] and match[2].isdigit() and text.endswith(f"{match[1]}[{match[2]}]"):
+            return text, ""  # an element, "Y[0]"
         if match[2] is not None or not unit or is_unit(unit):
             return match[1], tidy_unit(unit)
+        return text, ""
     match = _QUOTIENT.fullmatch(text)
     if (
         match
@@ -115,6 +122,8 @@ def split_unit(text: str) -> tuple[str, str]:
         unit = match[1] or (match[2] if _QUANTITY_OF[match[2]].fullmatch(text) else "")
         if unit in UNIT_TEXTS and unit not in _NO_UNIT_BEHIND:
             return text, tidy_unit(unit)
+    if text.startswith("in ") and is_unit(text[3:]):
+        return "", tidy_unit(text[3:])
     match = _BEHIND.fullmatch(text)
     # "Rod A" is a name, "I in A" and "Force kN" end in a unit.
     if match is None or not is_unit(match[3]) or match[3] in _NO_UNIT_BEHIND:
@@ -289,13 +298,23 @@ def _evened(
 def _without_overload(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
     """Return samples with NaN for infinite ones and those that instruments write for none."""
     with np.errstate(invalid="ignore"):
-        size = np.abs(values)
-        wrong = np.isinf(values) | ((size > _OVERLOAD[0]) & (size < _OVERLOAD[1]))
+        wrong = np.abs(values) > _OVERLOAD
     count = int(np.count_nonzero(wrong))
     if not count:
-        return values, ""
+        return values, _stand_in(values)
     what = "sample is" if count == 1 else "samples are"
     return np.where(wrong, np.nan, values), f"{count} {what} overload, taken as missing"
+
+
+def _stand_in(values: NDArray[np.float64]) -> str:
+    """Return a remark on numbers that loggers write for none, far from all other samples."""
+    for number in _STAND_INS:
+        if count := int(np.count_nonzero(values == number)):
+            others = values[(values != number) & np.isfinite(values)]
+            if others.size and 10.0 * np.abs(others).max() < abs(number):
+                what = "sample is" if count == 1 else "samples are"
+                return f"check the values: {count} {what} {number:g}, as loggers write for none"
+    return ""
 
 
 def _left_out(reason: str, names: Sequence[str]) -> str:

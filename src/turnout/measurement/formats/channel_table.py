@@ -5,6 +5,7 @@ column goes with the nearest column of times to its left, an index is never take
 several throws in one table never become one channel.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,20 +15,35 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import FileColumn, assemble_recording
+from turnout.measurement.formats.assemble import (
+    FileColumn,
+    assemble_recording,
+    is_unit,
+    split_unit,
+    tidy_unit,
+)
 from turnout.measurement.formats.clock import (
     StatedClock,
     is_abscissa_name,
     is_date_name,
+    is_direction_name,
     is_index_name,
+    is_letter,
     is_signal_name,
     is_throw_name,
     is_time_name,
     is_time_unit,
+    is_time_word,
     squeezed,
     unit_in_name,
 )
-from turnout.measurement.formats.numbers import curve_parts, numbers
+from turnout.measurement.formats.numbers import (
+    LEAST_CURVE,
+    curve_parts,
+    is_number,
+    numbers,
+    numbers_with_unit,
+)
 from turnout.measurement.formats.time_axis import (
     LARGEST_DEPARTURE,
     TimeAxis,
@@ -54,6 +70,9 @@ ALL = ("*",)
 """In place of the labels of throws: all that a table holds."""
 THROW = "throw"
 """Label of a recording that is one of several throws."""
+# Columns with their number behind the name that are the samples of a curve.
+_LEAST_NUMBERED = 8
+_NUMBERED = re.compile(r"(.*?)[\s_\[(]*(\d+)[\])]?")
 # A column without a unit that steps less or more than this may not be in seconds [s].
 _USUAL_STEP = (1e-5, 0.5)
 
@@ -93,7 +112,7 @@ class Table:
     source : str
         The file, for messages.
     decimal : str
-        Decimal mark in its texts.
+        Decimal mark in its texts; found in them if empty.
     named : bool
         Whether the file names its columns.
     line_of : callable
@@ -119,7 +138,7 @@ class Table:
     columns: list[TableColumn]
     stated: StatedClock
     source: str
-    decimal: str = "."
+    decimal: str = ""
     named: bool = True
     line_of: Callable[[int], str] = _row_number
     remedy: str = ""
@@ -280,6 +299,9 @@ def _label(table: Table, place: int) -> str:
 
 def _sort_columns(table: Table) -> None:
     """Sort columns of numbers, stamps, lists and texts."""
+    _turn_rows(table)
+    table.decimal = table.decimal or _decimal_mark(table.columns)
+    _take_dates(table)
     dates: dict[int, list[str]] = {}
     for place, column in enumerate(table.columns):
         cells = column.cells
@@ -288,11 +310,7 @@ def _sort_columns(table: Table) -> None:
         elif cells.dtype.kind in "mM":
             table.axes[place] = moments_axis(cells)
         elif any(isinstance(cell, list | tuple | np.ndarray) for cell in cells[:3]):
-            try:
-                table.curves[place] = [np.asarray(cell, dtype=np.float64).ravel() for cell in cells]
-            except (TypeError, ValueError):
-                message = f"column '{_label(table, place)}': a list in it holds no numbers"
-                raise ValueError(message) from None
+            table.curves[place] = _curves(_label(table, place), cells)
         else:
             _sort_texts(table, place, ["" if c is None else str(c) for c in cells], dates)
     _join_dates(table, dates)
@@ -300,6 +318,69 @@ def _sort_columns(table: Table) -> None:
         values = table.values[place]
         if not table.columns[place].name and values.size and np.isnan(values).all():
             del table.values[place]
+
+
+def _decimal_mark(columns: Sequence[TableColumn]) -> str:
+    """Return the decimal mark in the texts of columns: a comma if one is no number without."""
+    texts = [cell for c in columns if c.cells.dtype.kind == "O" for cell in c.cells]
+    texts = [cell for cell in texts if isinstance(cell, str) and "," in cell]
+    return "," if any(is_number(t, ",") and not is_number(t, ".") for t in texts) else "."
+
+
+def _take_dates(table: Table) -> None:
+    """Take a column that repeats one date for the day of a column of times beside it."""
+    for place, column in enumerate(table.columns):
+        held, others = column.cells, [c.name for c in table.columns if c is not column]
+        one = held.dtype.kind == "M" and held.size > 1 and bool(np.all(held == held[0]))
+        if one and any(map(is_time_name, others)):
+            table.stated.moments.append(str(held[0].astype("datetime64[s]")))
+            cells = np.array([str(held[0])[:10]] * held.size, dtype=object)
+            table.columns[place] = replace(column, cells=cells)
+
+
+def _curves(name: str, cells: NDArray[np.generic]) -> list[Floats]:
+    """Return the lists of numbers in the cells of a column."""
+    try:
+        curves = [np.asarray(cell, dtype=np.float64) for cell in cells]
+    except (TypeError, ValueError):
+        message = f"column '{name}': a list in it holds no numbers"
+        raise ValueError(message) from None
+    if any(curve.ndim > 1 for curve in curves) or all(c.size < LEAST_CURVE for c in curves):
+        message = f"column '{name}': its cells hold pairs of numbers; export a column for each"
+        raise ValueError(message)
+    return [np.atleast_1d(curve) for curve in curves]
+
+
+def _turn_rows(table: Table) -> None:
+    """Read curves that lie in rows: with a name in front, or in columns with a number each."""
+    columns = table.columns
+    count = max((len(column.cells) for column in columns), default=0)
+    if len(columns) <= max(_LEAST_NUMBERED, 2 * count) or not count:
+        return
+    first = [str(cell).strip() for cell in columns[0].cells]
+    if not table.named and len(set(first)) == count and all(cell[:1].isalpha() for cell in first):
+        table.columns, table.named = [], True
+        for row, name in enumerate(first):
+            bare, unit = split_unit(name)
+            texts = np.array([str(column.cells[row]) for column in columns[1:]], dtype=object)
+            table.columns.append(TableColumn(bare, texts, unit))
+        return
+    if not table.named:
+        message = (
+            f"has {len(columns)} columns without a name and {count} rows, so curves may lie in its "
+            "rows; export a column per channel, with its name"
+        )
+        raise ValueError(message)
+    matches = [_NUMBERED.fullmatch(column.name) for column in columns]
+    stems = Counter(match[1] for match in matches if match)
+    stem, size = stems.most_common(1)[0] if stems else ("", 0)
+    if size >= _LEAST_NUMBERED:
+        places = [place for place, match in enumerate(matches) if match and match[1] == stem]
+        curves = np.empty(count, dtype=object)
+        curves[:] = [[columns[place].cells[row] for place in places] for row in range(count)]
+        kept = [column for place, column in enumerate(columns) if place not in places]
+        unit = columns[places[0]].unit
+        table.columns = [*kept, TableColumn(stem.strip() or "curve", curves, unit)]
 
 
 def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, list[str]]) -> None:
@@ -318,6 +399,8 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
     if wrong and all(curve_parts(text, table.decimal) for text in filled):
         parts = [curve_parts(text, table.decimal) for text in texts]
         table.curves[place] = [numbers(items, table.decimal)[0] for items in parts]
+    elif (wrong or overload) and (held := numbers_with_unit(texts, table.decimal)):
+        _take_units(table, place, *held)
     elif wrong and count < _LEAST_NUMBERS * len(filled) or not np.isfinite(values).any():
         table.texts[place] = texts
     elif wrong:
@@ -334,6 +417,17 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
             table.problems.append(
                 f"channel '{name}': {number} {what} overload ({shown}), taken as missing"
             )
+
+
+def _take_units(table: Table, place: int, values: Floats, units: list[str]) -> None:
+    """Take a column that repeats its unit in each cell."""
+    if len(units) > 1:
+        message = f"column '{_label(table, place)}': its cells are in {choices(units)}; export one"
+        raise ValueError(message)
+    table.values[place] = values
+    column = table.columns[place]
+    unit = tidy_unit(units[0]) if is_unit(units[0]) else units[0]
+    table.columns[place] = replace(column, unit=column.unit or unit)
 
 
 def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
@@ -382,8 +476,8 @@ def _name_axes(table: Table) -> None:
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: _count(values)]
-        named, letter = is_time_name(column.name), len(squeezed(column.name)) == 1
-        rises = place == 0 and rises_evenly(given)
+        letter, rises = is_letter(column.name), place == 0 and rises_evenly(given)
+        named = is_time_name(column.name) or (rises and is_time_word(column.name))
         if (
             not named
             and place not in days
@@ -528,6 +622,8 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     }
     labels |= {p: t for p, t in table.texts.items() if is_throw_name(table.columns[p].name)}
     curves = bool(table.curves) and size > 1
+    held = {**table.texts, **{place: values.tolist() for place, values in table.values.items()}}
+    turns = {p: cells for p, cells in held.items() if is_direction_name(table.columns[p].name)}
     for place, cells in labels.items():
         starts = [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
         names = [cells[i] for i in starts]
@@ -539,6 +635,12 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
         place = next(iter(table.curves))
         rows = {f"{row + 1}": np.array([row]) for row in range(size)}
         return rows, f"a curve in each cell of column '{_label(table, place)}'"
+    for place, cells in turns.items():
+        starts = [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
+        if 1 < len(starts) <= len(cells) / LEAST_CURVE and not table.axes:
+            parts = zip(starts, [*starts[1:], len(cells)], strict=True)
+            rows = {f"{n}": np.arange(a, b) for n, (a, b) in enumerate(parts, start=1)}
+            return rows, f"column '{_label(table, place)}' changes"
     indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
     times = {place: axis.seconds for place, axis in table.axes.items()}
     for place, values in [*times.items(), *indices.items()]:
@@ -556,7 +658,8 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
 
 def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
     """Return the column of a long table that says which signal a row holds."""
-    for place, texts in table.texts.items():
+    numbered = {p: v.tolist() for p, v in table.values.items() if any_name and _are_numbers(v)}
+    for place, texts in {**table.texts, **numbered}.items():
         counts_of = Counter(texts)
         named = is_signal_name(table.columns[place].name)
         alike = any_name and len(set(counts_of.values())) == 1
@@ -564,6 +667,10 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
         if (named or alike) and 1 < len(counts_of) <= most:
             return place
     return None
+
+
+def _are_numbers(values: Floats) -> bool:
+    return bool(np.all(values == np.rint(values)))
 
 
 def _channel_columns(table: Table) -> list[FileColumn]:
@@ -574,6 +681,9 @@ def _channel_columns(table: Table) -> list[FileColumn]:
     for place, texts in sorted(table.texts.items()):
         dates = all(is_date(text) for text in texts if text.strip())
         what = "dates without a time of day" if dates else "no numbers"
+        if is_time_name(_label(table, place)) and not dates:
+            shown = next((text for text in texts if text.strip()), "")[:40]
+            what = f"times of no known layout ('{shown}'); write them as 2026-11-28 08:14:00.000"
         table.problems.append(f"column '{_label(table, place)}' is left out: it holds {what}")
     for shown in table.stated.doubtful if table.stated.rate() is None else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
@@ -627,17 +737,27 @@ def _long_columns(table: Table) -> list[FileColumn]:
     if by is None or len(table.axes) != 1:
         return []
     (axis,) = table.axes.values()
-    values = [p for p in table.values if not is_index_name(table.columns[p].name)]
-    if len(values) != 1 or np.all(np.diff(axis.seconds) > 0):
+    places = [
+        p
+        for p, v in table.values.items()
+        if p != by and not (is_index_name(table.columns[p].name) and _counts_throws(v))
+    ]
+    if not places or np.all(np.diff(axis.seconds) > 0):
         return []
-    signals = np.array(table.texts.pop(by))
-    units = next((t for p, t in table.texts.items() if squeezed(_label(table, p)) == "unit"), None)
+    held = table.texts.pop(by, None) or [f"{value:g}" for value in table.values[by]]
+    signals = np.array(held)
+    units = next((p for p in table.texts if squeezed(_label(table, p)) in ("unit", "units")), None)
+    unit_of = None if units is None else table.texts.pop(units)
     found = []
-    for signal in dict.fromkeys(signals.tolist()):
+    for signal in dict.fromkeys(held):
         rows = np.flatnonzero(signals == signal)
-        unit = units[rows[0]] if units else table.columns[values[0]].unit
-        samples, times = table.values[values[0]][rows], axis.seconds[rows]
-        found.append(FileColumn(signal, samples, unit, time=times, begin=axis.begin))
+        times = axis.seconds[rows]
+        for place in places:
+            column, samples = table.columns[place], table.values[place][rows]
+            name = signal if not signal.isdigit() else f"{_label(table, by)} {signal}"
+            name = name if len(places) == 1 else f"{name} {_label(table, place)}"
+            unit = tidy_unit(unit_of[rows[0]]) if unit_of else column.unit
+            found.append(FileColumn(name, samples, unit, time=times, begin=axis.begin))
     return found
 
 

@@ -5,6 +5,7 @@ rate, or an interval. The words for them and their units are here, once for all 
 """
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -13,7 +14,7 @@ import numpy as np
 DAY, HOUR = 86_400.0, 3_600.0
 _UNIT_WORDS = {
     1.0: ("", "s", "sec", "secs", "second", "seconds", "sekunde", "sekunden", "sek"),
-    1e-3: ("ms", "msec", "millisecond", "milliseconds", "millisekunden"),
+    1e-3: ("ms", "msec", "millis", "millisecond", "milliseconds", "millisekunden"),
     1e-6: ("us", "µs", "μs", "usec", "microsecond", "microseconds"),
     1e-9: ("ns", "nsec", "nanosecond", "nanoseconds"),
     1e-12: ("ps",),
@@ -35,18 +36,19 @@ HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in word
 _SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
 _SOURCES = (
     "sample|sampling|samp|scan|acquisition|acq|logging|log|logger|recording|record|recorded|"
-    "measuring|measurement|data|daq|adc|digitizer|wf|wave|nominal|effective"
+    "measuring|measurement|mess|abtast|clock|data|daq|adc|digitizer|wf|wave|nominal|effective"
 )
 _RATE = re.compile(
-    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|srate|fsamp(?:le|ling)?|"
-    r"abtastrate|abtastfrequenz|messrate|samplespersec(?:ond)?|samples/s(?:ec)?|"
-    r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo)"
+    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz|clock)|fs|sr|sps|srate|"
+    r"fsamp(?:le|ling)?|(?:samples|points|scans)(?:per|/)s(?:ec(?:ond)?)?|frequencyofsampling|"
+    r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo|"
+    r"frequenzadicampionamento)"
     rf"{_SUFFIX}"
 )
 _STEP = re.compile(
     rf"(?:data\d+)?(?:(?:{_SOURCES}|time|horizontal|horz|x|h|t)"
     r"(?:interval|period|increment|incr|inc|step|resolution|spacing)|interval|increment|"
-    r"dt|delta[tx]|δt|ts|tsamp(?:le)?|sample?time|samplingtime|timeper(?:sample|point)|"
+    r"intervall|dt|delta[tx]|δt|ts|tsamp(?:le)?|sample?time|samplingtime|timeper(?:sample|point)|"
     r"abtastintervall|abtastzeit|abtastperiode|messintervall|zeitschritt|zeitintervall|"
     rf"zeitinkrement|samplingsintervall){_SUFFIX}"
 )
@@ -61,16 +63,25 @@ _BEGIN = re.compile(
     r"recordingstart|messbeginn|starttidpunkt|uhrzeit"
 )
 _SECONDS_TEXT = re.compile(r"[+\-]?[\d.,]+(?:[eE][+\-]?\d+)?\s*[a-zµ]{0,3}")
-_MOMENT = re.compile(r"\W*(?:\d{1,4}[-./:]\d|\d{1,2}[. ]|[A-Za-zä]{3,9}\.? \d{1,2},|\d{8})")
+_OWNER = re.compile(r"\A[^\W\d]\w*:")
+"""A channel before its own value: "CH1:0.04"."""
+_PER_SECOND = re.compile(r"(?:samples|points|scans)/")
+_CLOCK_VALUE = re.compile(r"\d\s?(?:[kM]?Hz|k?S/s|[mµun]?s|m?sec)\b", re.IGNORECASE)
+_MOMENT = re.compile(
+    r"[\s\"']*(?:\d{1,4}[-/:]\d|\d{1,4}\.\d\d?\.|\d{1,2}[. ]{1,2}(?:\d{1,2}\.|[A-Za-zä]{3})|"
+    r"[A-Za-zä]{3,9}\.? \d{1,2},|\d{8})"
+)
 _TIME = re.compile(
     r"(?:data\d+)?(?:relative|elapsed|rel|utc|local|unix|epoch|system|sample)?"
     r"(?:time|times|zeit|tid|temps|tiempo|tempo|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
     r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
     r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|posixtime|"
-    r"datenum|serialdate|abstime|reltime)"
-    r"(?:\d*-?(?:default|standard|messrate).*)?(?P<unit>sec|ms|us|ns|s)?"
+    r"czas|tijd|aika|čas|idő|время|时间|時間|timeoffset|zeitversatz|datenum|serialdate|abstime|reltime|elapsed)(?P<number>\d{0,2})"
+    r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>sec|ms|us|ns|s)?"
 )
 _ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
+# Units of time that name a column of times by themselves; "min" may be a minimum, "s" a way.
+_TIME_WORDS = re.compile(r"sec|secs|seconds?|sek|sekunden?|msec|millis(?:econds?)?|ms|us|µs|usec")
 _INDEX = re.compile(
     r"(?:sample|scan|point|record|row|data|mess)?(?:index|idx|no|nr|number|num|nummer|count|punkt)|"
     r"n|i|k|x|rn|#|sample|samples|scan|point|points|record|row|line|zeile|sequence|seq|counter|t|"
@@ -106,8 +117,21 @@ def is_time_name(name: str) -> bool:
 
 def unit_in_name(name: str) -> str:
     """Return the unit of time at the end of a name: "time_ms" -> "ms"; empty if there is none."""
-    match = _TIME.fullmatch(squeezed(name))
-    return (match["unit"] or "") if match and not squeezed(name).endswith("times") else ""
+    word = squeezed(name)
+    if _TIME_WORDS.fullmatch(word):
+        return word
+    match = _TIME.fullmatch(word)
+    return (match["unit"] or "") if match and not word.endswith("times") else ""
+
+
+def is_letter(name: str) -> bool:
+    """Return True for a single letter, or a t with its number: a time only if its values are."""
+    return re.fullmatch(r".|t\d+", squeezed(name)) is not None
+
+
+def is_time_word(name: str) -> bool:
+    """Return True for a unit of time in place of a name: "ms" above a column that rises."""
+    return _TIME_WORDS.fullmatch(squeezed(name)) is not None
 
 
 def is_date_name(name: str) -> bool:
@@ -128,6 +152,11 @@ def is_index_name(name: str) -> bool:
 def is_throw_name(name: str) -> bool:
     """Return True if a column of this name numbers throws."""
     return _THROW.fullmatch(squeezed(name)) is not None
+
+
+def is_direction_name(name: str) -> bool:
+    """Return True if a column of this name tells the direction of a throw."""
+    return squeezed(name) in ("direction", "dir", "richtung", "riktning", "sens")
 
 
 def is_signal_name(name: str) -> bool:
@@ -236,8 +265,9 @@ class StatedClock:
         ValueError
             When they state a rate or an interval that is none.
         """
-        name = squeezed(key.rsplit("/", 1)[-1] if "samples/" not in key.lower() else key)
-        name = name.replace("-", "")
+        name = squeezed(key if _PER_SECOND.search(key.lower()) else key.rsplit("/", 1)[-1])
+        name = unicodedata.normalize("NFKD", name.replace("-", ""))
+        name = "".join(character for character in name if not unicodedata.combining(character))
         kinds = ((_RATE, "rate"), (_STEP, "step"), (_EITHER, "either"), (_WEAK_RATE, "weak"))
         for pattern, kind in kinds:
             match = pattern.fullmatch(name)
@@ -267,7 +297,10 @@ class StatedClock:
             if number is not None:
                 self.start = number[0] * SECONDS.get((number[1] or match["unit"] or "").lower(), 1)
                 return True
-        if _BEGIN.fullmatch(name) and _MOMENT.match(text):
+        if _BEGIN.fullmatch(name) and (since := _seconds_in(text, decimal)) is not None:
+            self.start = since
+            return True
+        if (_BEGIN.fullmatch(name) or name == "t0") and _MOMENT.match(text):
             self.moments.append(text)
             return True
         return False
@@ -294,6 +327,12 @@ class StatedClock:
             return first
         return None
 
+    def doubt(self, key: str, text: str) -> bool:
+        """Keep a statement of an unknown name with a frequency or a time; return False."""
+        if _CLOCK_VALUE.search(text):
+            self.doubtful.append(f"{key.strip()}: {text.strip()}"[:60])
+        return False
+
     def leave_weak(self) -> None:
         """Take no "rate" for the sample rate."""
         self.doubtful += [shown for shown, _ in self.weak]
@@ -305,11 +344,17 @@ class StatedClock:
         return " ".join(dict.fromkeys(self.moments)) or None
 
 
+def _seconds_in(text: str, decimal: str | None) -> float | None:
+    """Return a text with a unit of time as seconds; None if it is none."""
+    number = stated_number(text, decimal) if _SECONDS_TEXT.fullmatch(text) else None
+    return number[0] * SECONDS[number[1].lower()] if number and is_time_unit(number[1]) else None
+
+
 def _rates(
     values: Sequence[object], unit: str, kind: str, decimal: str | None, shown: str
 ) -> tuple[float, ...]:
     """Return rates [1/s] from stated rates or intervals; empty if there are no numbers."""
-    texts = [str(value).strip() for value in values if str(value).strip()]
+    texts = [_OWNER.sub("", str(value).strip()) for value in values if str(value).strip()]
     if len(texts) > 1 and not _STATED.fullmatch(texts[-1]):  # 2.5e-3, "s"
         unit = _unit_of_clock(texts[-1]) or unit
         texts = texts[:-1]
@@ -318,6 +363,9 @@ def _rates(
         number = stated_number(text, decimal)
         if number is None:
             return ()
+        if kind != "weak" and any(c.isdigit() for c in re.sub(r"\^?-?1", "", number[1])):
+            message = f"'{shown}' is not one number with its unit; write '1000 Hz' or '1 ms'"
+            raise ValueError(message)
         own = _unit_of_clock(number[1] or unit)
         if own in HERTZ or (own == "" and kind in ("rate", "weak")):
             rate = number[0] * HERTZ.get(own, 1.0)
@@ -334,7 +382,7 @@ def _rates(
             raise ValueError(message)
         # 1 / 0.001 is not 1000: a rate within rounding of a whole one is that.
         found.append(float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate)
-    return tuple(found)
+    return tuple(found[:1] if len(set(found)) == 1 else found)
 
 
 def _unit_of_clock(text: str) -> str:

@@ -165,7 +165,7 @@ FORMATS = (
     FileFormat(
         "JSON",
         (".json", ".jsonl", ".ndjson"),
-        _matches(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])'),
+        _matches(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*([\[{]|-?\d[\d.eE+-]*\s*,))'),
         "json_table:read_json",
         tables=True,
     ),

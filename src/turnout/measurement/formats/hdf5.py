@@ -8,6 +8,7 @@ visited once, and counted by `Declared` before it is read.
 import io
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from turnout.measurement.formats.named_arrays import (
     columns_of_arrays,
     stated_clock,
 )
+from turnout.measurement.formats.time_axis import is_stamp, stamps_axis
 from turnout.measurement.recording import Recording
 
 LARGEST_DEPTH = 50
@@ -122,6 +124,8 @@ class Content:
 
 UNITS = ("unit", "units", "unit_string")
 DESCRIPTIONS = ("description", "long_name", "comment")
+GAINS = ("gain", "scale", "scaling", "slope", "factor", "scale_to_unit", "sensitivity")
+"""Attributes that some programs mean to be multiplied, others as facts of the sensor."""
 START_TIMES = ("start_time", "start_store_time", "date")
 
 
@@ -231,6 +235,11 @@ class _Found:
         clock = stated_clock(attributes, own=True)
         rate, unit = clock.rate(), _first(attributes, UNITS)
         values = _unpacked(held, attributes)
+        self.problems += [
+            f"channel '{name}': its attribute '{key}' ({attributes[key]}) is not applied"
+            for key in GAINS
+            if key in attributes and np.any(np.ravel(attributes[key]) != np.array(1))
+        ]
         since = " since " in unit or (is_time_unit(unit) and is_time_name(last))
         if rate is None or held.ndim > 1 or since:
             if rate is not None:
@@ -238,10 +247,10 @@ class _Found:
             self.arrays[name], self.units[name] = values, unit
             return
         shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)
-        values = values.reshape(-1)
-        self.columns.append(
-            FileColumn(shown, values, tidy_unit(unit), described, rate=rate[0], start=clock.start)
-        )
+        text = _first(attributes, START_TIMES)
+        begin = stamps_axis([text]).begin if is_stamp(text) else None
+        column = FileColumn(shown, values.reshape(-1), tidy_unit(unit), described)
+        self.columns.append(replace(column, rate=rate[0], start=clock.start, begin=begin))
 
     def _take_table(self, name: str, cells: Any, attributes: dict[str, Any]) -> None:
         units = {key: _text(value) for key, value in attributes.items()}

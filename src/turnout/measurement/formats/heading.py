@@ -23,8 +23,11 @@ _UNITS = re.compile(
 )
 _TIME_UNITS = re.compile(r"(?:horizontal|horz|h|x|time)units?")
 _PARTED = re.compile(r"\s*([^;,\t]{2,60}?)\s*[;,\t]\s*(.*\S)\s*")
-SHORT = "\0"
-"""In place of the name that a row lacks, wherever it belongs."""
+SHORT, LONG = "\0", "\1"
+"""In place of the name that a row lacks, wherever it belongs; and of a row with one too many."""
+_SPOKEN = re.compile(r"\W*([^\W\d][^\d]*?)\s+([+\-]?[\d.,]+\s?[^\W\d]\S*)")
+"""A statement without a separator: "Abtastrate 25 Hz"."""
+_NEXT_LABEL = re.compile(r"[;,]\s+(?=[^\W\d][^:=]*[:=])")
 _LABELLED = re.compile(r'\s*["#%]*\s*([^:=\t;,"]{2,60}?)\s*["]?\s*[:=]\s*(.*\S)\s*')
 
 
@@ -90,6 +93,9 @@ def read_heading(
     logger = bool(rows) and [cell.strip('"').upper() for cell in rows[0][:1]] == ["TOA5"]
     for number, row in enumerate(rows):
         cells = [cell.strip().strip('"').strip() for cell in row]
+        if len(cells) > 1 and not cells[0].strip("#%/ "):
+            cells = cells[1:]  # the mark of a comment
+        whole = len(cells) == width
         while cells and not cells[-1]:
             cells.pop()
         if not cells or cells[0].lower().startswith("sep=") or (logger and number == 0):
@@ -100,8 +106,9 @@ def read_heading(
             continue
         if max(width - 1, 2 if width > 1 else 1) <= len(cells) <= width + 1:
             cells[0] = cells[0].lstrip("#% ")
-            if len(cells) == width - 1 and last_filled:
+            if len(cells) == width - 1 and last_filled and not whole:
                 cells = ["" if unnamed_first else SHORT, *cells]
+            cells[0] = f"{LONG * (len(cells) > width)}{cells[0]}"
             wide.append((number + 1, [*cells, *[""] * width][:width]))
     if logger and len(wide) > 2:
         found.names = wide[0][1]
@@ -119,8 +126,22 @@ def _labelled(
     The label stands beside the columns, or above the first if that is empty.
     """
     label, values = cells[0], cells[1:]
+    if len(cells) == width > 2 and len(set(cells[::2])) == 1:  # a label beside each value
+        kind = squeezed(label)
+        if _NAMES.fullmatch(kind) or _UNITS.fullmatch(kind):
+            texts = ["" if place % 2 == 0 else text for place, text in enumerate(cells)]
+            if _NAMES.fullmatch(kind):
+                found.names = texts
+            else:
+                found.units = [tidy_unit(text) for text in texts]
+            return True
     if match := _LABELLED.fullmatch(cells[0]):
-        label, values = match[1], [match[2], *values]
+        label, values = match[1], [_NEXT_LABEL.split(match[2])[0], *values]
+    elif (len(cells) == 1 or not any(" " in c for c in cells)) and (
+        match := _SPOKEN.fullmatch(" ".join(cells))
+    ):
+        if found.stated.read(match[1], [match[2]], decimal=decimal):
+            return True
     elif len(cells) > 1 and label.endswith((":", "=")):
         label = label[:-1].strip()
     elif len(cells) == 1 and (match := _PARTED.fullmatch(label)):
@@ -141,8 +162,10 @@ def _labelled(
     if values and not any(character.isdigit() for character in values[0]):
         return False
     stated = found.stated
-    return stated.read(label, values, decimal=decimal) or stated.read(
-        name, values, unit=unit, decimal=decimal
+    return (
+        stated.read(label, values, decimal=decimal)
+        or stated.read(name, values, unit=unit, decimal=decimal)
+        or stated.doubt(label, " ".join(values))
     )
 
 
@@ -171,14 +194,16 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
     for place, (number, cells) in enumerate(wide):
         if names is None or (place >= names and place not in near[-1:]):
             _refuse_numbers(number, cells, decimal, below=names is not None and place > names)
-    if names is None or found.names:
+    if names is None or all(found.names[1:]) and found.names:
         return
-    if rows[names][0] == SHORT:
+    if rows[names][0].startswith((SHORT, LONG)):
         count = len(rows[names])
-        message = f"line {wide[names][0]} has {count - 1} names for {count} columns; name each"
+        held = count - 1 if rows[names][0] == SHORT else count + 1
+        message = f"line {wide[names][0]} has {held} names for {count} columns; name each"
         raise ValueError(message)
     pairs = [split_unit(text) for text in rows[names]]
-    found.names = [name for name, _ in pairs]
+    given = found.names or [""] * len(pairs)
+    found.names = [own or name for own, (name, _) in zip(given, pairs, strict=True)]
     own = [unit for _, unit in pairs]
     found.units = [a or b for a, b in zip(own, found.units or own, strict=True)]
 

@@ -86,8 +86,7 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
         )
         inner = [v for v in inner if _columns(v) is not None or _tables_in(v)]
         if len(inner) != 1:
-            message = "holds no table, or more than one; export one list of rows or of channels"
-            raise ValueError(message)
+            raise ValueError(_no_table(held))
         (held,) = inner
     else:
         message = f"its table is nested deeper than {_LARGEST_DEPTH}"
@@ -95,15 +94,27 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
     if isinstance(held, list) and (channels := _channels(held, stated, str(path))):
         start_time = stated.start_time
         return assemble_recording(channels, source=str(path), start_time=start_time, remedy=NO_TIME)
+    named = not all(name.isdigit() for name in table)
     columns = []
     for name, cells in table.items():
-        bare, unit = split_unit(name)
+        bare, unit = split_unit(name if named else "")
         columns.append(TableColumn(bare, cells, tidy_unit(units.get(name, "")) or unit))
-    return Table(columns, stated, str(path), remedy=NO_TIME)
+    return Table(columns, stated, str(path), named=named, remedy=NO_TIME)
+
+
+def _no_table(held: Any) -> str:
+    """Return why an object holds no table."""
+    lists = held.items() if isinstance(held, Mapping) else ()
+    sizes = [f"{key} {len(value)}" for key, value in lists if isinstance(value, list)]
+    if len(sizes) > 1:
+        return f"its lists have different lengths ({', '.join(sizes[:4])}); export them alike"
+    return "holds no table, or more than one; export one list of rows or of channels"
 
 
 def _tables_in(held: Any) -> bool:
-    return isinstance(held, Mapping) and any(_columns(v) is not None for v in held.values())
+    return isinstance(held, Mapping) and any(
+        _columns(v) is not None or _tables_in(v) for v in held.values()
+    )
 
 
 def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) -> None:
@@ -130,9 +141,14 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
             keys = list(dict.fromkeys(str(key) for row in held for key in row))
             return {key: _cells([row.get(key) for row in held]) for key in keys}
         if len(held) > 1 and all(isinstance(row, list) for row in held):
-            if not all(isinstance(cell, str) for cell in held[0]):
-                return None
-            return _by_rows(held[0], held[1:])
+            if all(isinstance(cell, str) for cell in held[0]):
+                return _by_rows(held[0], held[1:])
+            same = len({len(row) for row in held}) == 1 and all(map(_are_numbers, held))
+            return (
+                {str(n): _cells(list(c)) for n, c in enumerate(zip(*held, strict=True))}
+                if same
+                else None
+            )
         return None
     if not isinstance(held, Mapping):
         return None

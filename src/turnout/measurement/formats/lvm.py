@@ -5,13 +5,18 @@ from pathlib import Path
 import numpy as np
 
 from turnout.core.errors import FileError
+from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import split_unit, tidy_unit
 from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.numbers import numbers
 from turnout.measurement.formats.text_dialect import encoding_of
+from turnout.measurement.formats.time_axis import is_stamp, stamps_axis
 
 _END = "***End_of_Header***"
+_START = ("date", "time")
+_SAME_START = 1e-3
+"""Difference of the starts of channels that tasks of one program leave [s]."""
 _SEPARATORS = {"tab": "\t", "comma": ",", "semicolon": ";"}
 
 
@@ -51,11 +56,22 @@ def read_lvm(path: Path) -> Table:
         raise FileError(message)
     with_times = facts.get("x_columns", "One").lower() != "no"
     stated = StatedClock()
-    if not with_times:
-        stated.rates.append(
-            ("Delta_X", tuple(1.0 / step for step in _steps(by_channel, decimal, path)))
-        )
+    steps = [] if with_times else _steps(by_channel, decimal, path)
+    if steps:
+        stated.rates.append(("Delta_X", tuple(1.0 / step for step in steps)))
         stated.start = float((numbers(by_channel.get("x0", ["0"]), decimal)[0])[0])
+    starts = list(map(" ".join, zip(*(by_channel.get(k, []) for k in _START), strict=False)))
+    later = np.zeros(len(places))
+    if len(starts) == len(places) and all(map(is_stamp, starts)):
+        later = np.array([stamps_axis([start]).begin or 0.0 for start in starts])
+        later -= later.min(initial=np.inf)
+    later = np.where(later.max(initial=0.0) > _SAME_START, later, 0.0)
+    if later.any() and with_times and len(names) < 2 * len(places):
+        message = (
+            f"{path}: its channels start at {choices(dict.fromkeys(starts))} and share one column "
+            "of times; export a column of times for each"
+        )
+        raise FileError(message)
     stated.moments = [" ".join(facts[key] for key in ("date", "time") if key in facts)]
     units = by_channel.get("y_unit_label", [])
     columns = []
@@ -64,12 +80,23 @@ def read_lvm(path: Path) -> Table:
             continue
         cells = [row[place] if place < len(row) else "" for row in body[1:]]
         bare, unit = split_unit(name)
+        number = sum(item < place for item in places)
         if place in places:
-            number = places.index(place)
             unit = tidy_unit(units[number]) if number < len(units) and units[number] else unit
+            if steps and later.any():
+                step = steps[min(number, len(steps) - 1)]
+                filled = sum(bool(cell.strip()) for cell in cells)
+                times = stated.start + later[number] + step * np.arange(filled)
+                columns.append(TableColumn("Time", times, "s"))
         else:
             bare, unit = "Time", "s"
+            if number < later.size and later[number]:
+                times = numbers(cells, decimal)[0] + later[number]
+                columns.append(TableColumn(bare, times, unit))
+                continue
         columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
+    if steps and later.any():
+        stated.rates.clear()
     return Table(columns, stated, str(path), decimal=decimal, alone=False)
 
 

@@ -122,21 +122,32 @@ def mat_bytes(recording: Recording) -> bytes:
     return file.getvalue()
 
 
-def _objects(
-    path: Path, single: Mapping[str, Any]
-) -> tuple[dict[str, NDArray[Any]], list[FileColumn], list[str]]:
-    """Return dates and durations, the columns of tables and timetables, and the remarks."""
+def _objects(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return the dates, durations, time series, tables and timetables of a file, and remarks."""
     if find_spec("matio") is None:
         remark = "objects of MATLAB (tables, dates) need mat-io; pip install 'turnout[daq]', or "
-        return {}, [], [remark + "save their columns as vectors"]
+        return {}, [remark + "save their columns as vectors"]
     import matio
 
-    arrays: dict[str, NDArray[Any]] = {}
-    columns: list[FileColumn] = []
+    found: dict[str, Any] = {}
     problems: list[str] = []
     for name, value in matio.load_from_mat(str(path), add_table_attrs=True).items():
-        if isinstance(value, np.ndarray) and value.dtype.kind in "mM":
-            arrays[name] = value
+        kind = str(getattr(value, "classname", ""))
+        dates = isinstance(value, np.ndarray) and value.dtype.kind in "mM"
+        if dates or isinstance(value, pd.DataFrame) or kind == "timeseries":
+            found[name] = value
+        elif kind:
+            problems.append(f"'{name}' is left out: objects of the class {kind} are not read")
+    return found, problems
+
+
+def _tables(
+    path: Path, objects: Mapping[str, Any], single: Mapping[str, Any]
+) -> tuple[list[FileColumn], list[str]]:
+    """Return the columns of tables and timetables, and the remarks."""
+    columns: list[FileColumn] = []
+    problems: list[str] = []
+    for name, value in objects.items():
         if not isinstance(value, pd.DataFrame):
             continue
         units = [str(u) for u in value.attrs.get("VariableUnits", value.attrs.get("varUnits", []))]
@@ -149,7 +160,7 @@ def _objects(
         table = Table(cells, stated_clock(single), f"{path}: '{name}'", alone=False)
         columns += table_columns(table)
         problems += table.problems
-    return arrays, columns, problems
+    return columns, problems
 
 
 def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Recording:
@@ -158,25 +169,26 @@ def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Reco
     remarks: list[str] = []
     units: dict[str, str] = {}
     labels: dict[str, str] = {}
-    for name, value in _flat(content, "", units, labels):
+    held, found = _objects(path) if objects else ({}, [])
+    for name, value in _flat({**content, **held}, "", units, labels):
         if isinstance(value, str):
             texts[name] = [value]
         elif _is_texts(value):
             texts[name] = [item if isinstance(item, str) else "" for item in np.ravel(value)]
         elif isinstance(value, np.ndarray | int | float | complex):
             array = np.asarray(value)
-            if array.dtype.kind in "biuf":
+            if array.dtype.kind in "biufmM":
                 arrays[name] = array
             elif array.dtype.kind == "c":
                 remarks.append(f"array '{name}' is left out: its numbers are complex")
     single = {name: array for name, array in arrays.items() if array.size == 1}
-    dates, tables, found = _objects(path, single) if objects else ({}, [], [])
+    tables, unread = _tables(path, held, single)
     start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
     if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
         columns, problems = _own_variable(arrays, texts), list[str]()
     else:
         try:
-            columns, problems = columns_of_arrays({**arrays, **dates}, texts, units, labels)
+            columns, problems = columns_of_arrays(arrays, texts, units, labels)
         except ValueError as error:
             message = f"{path}: {error}"
             raise FileError(message) from None
@@ -184,7 +196,7 @@ def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Reco
         [*columns, *tables],
         source=str(path),
         start_time=start_time or None,
-        problems=[*problems, *remarks, *found],
+        problems=[*problems, *remarks, *found, *unread],
         remedy=NO_TIME,
     )
 
@@ -244,24 +256,26 @@ def _flat(
 
 def _text_in(fields: Mapping[str, Any], key: str) -> str:
     """Return a text in a structure; empty if there is none."""
-    return value.strip() if isinstance(value := fields.get(key), str) else ""
+    value = fields.get(key)
+    if isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "UOT":
+        value = value.item()
+    return value.strip() if isinstance(value, str) else ""
 
 
 def _times_in(time: Any, data: Any, clock: Mapping[str, Any]) -> Any:
     """Return the times of a series, which may state an even step in their place."""
-    step = clock.get("Increment")
-    if np.size(time) or not isinstance(step, int | float):
+    step, start = (np.ravel(clock.get(key, np.nan)) for key in ("Increment", "Start"))
+    if np.size(time) or step.size != 1 or not np.isfinite(step[0]):
         return time
-    start = clock.get("Start")
-    return (start if isinstance(start, int | float) else 0.0) + step * np.arange(
-        max(np.shape(data))
-    )
+    return np.nansum(start[:1]) + step[0] * np.arange(max(np.shape(data)))
 
 
 def _fields(value: Any) -> Mapping[str, Any] | None:
     """Return the fields of a structure; None if it is none."""
     if isinstance(value, Mapping):
         return value
+    if hasattr(value, "classname") and isinstance(value.properties, Mapping):  # an object
+        return {name.rstrip("_"): item for name, item in value.properties.items()}
     if hasattr(value, "_fieldnames"):
         return {field: getattr(value, field) for field in value._fieldnames}
     return None

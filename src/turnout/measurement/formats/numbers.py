@@ -12,11 +12,13 @@ _OVERLOAD = re.compile(
     r"[*#+_xX]{2,}|-{2,}|[+\-<>]?(?:ovl|ovr|ovrld|over|overload|overld|overflow|overrange|"
     r"ofl|ol|o\.l\.?|o/l|under|underflow|underrange|inf|infinity|infinite|∞|invalid|inval|err|"
     r"error|bad|sat|saturated|clip|clipped|burnout|open|no ?data|no ?value|missing|"
-    r"#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
+    r"1\.#(?:inf|ind|qnan|snan)\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
     re.IGNORECASE,
 )
 _MINUS = str.maketrans({"−": "-", "–": "-", "‒": "-", "﹣": "-", "－": "-", "＋": "+"})
 _BLANKS = "\u00a0\u202f\u2009 "
+_CELL = re.compile(r"(.*\d[.,]?)\s?((?:[^\W\d_]|[%‰°])[^\d\s]{0,6})")
+"""A number with its unit behind it."""
 _LONGEST = 60
 """Characters of a number; what is longer is none."""
 
@@ -97,13 +99,32 @@ def numbers(texts: Sequence[str], decimal: str) -> tuple[NDArray[np.float64], li
         plain = plain_sign(text)
         if len(plain) <= _LONGEST and pattern.fullmatch(plain):
             values[place] = float(plain.translate(marks).replace(",", "."))
-        elif plain.lower() in EMPTY:
+        elif plain.lower() in EMPTY or plain == "-":
             continue
         elif is_missing(text):
             overload.add(text.strip())
         else:
             wrong.append(place)
     return values, wrong, overload
+
+
+def numbers_with_unit(
+    texts: Sequence[str], decimal: str
+) -> tuple[NDArray[np.float64], list[str]] | None:
+    """Return cells with a unit behind each number as numbers and units; None if one has none.
+
+    Examples
+    --------
+    >>> numbers_with_unit(["0,5 kN", "", "-1 kN"], ",")
+    (array([ 0.5,  nan, -1. ]), ['kN'])
+    """
+    parts = [_CELL.fullmatch(text.strip()) for text in texts]
+    filled = [text for text in texts if not is_missing(text)]
+    found = [part for part in parts if part is not None]
+    if not filled or len(found) < len(filled):
+        return None
+    values, wrong, _ = numbers([part[1] if part else "" for part in parts], decimal)
+    return None if wrong else (values, list(dict.fromkeys(part[2] for part in found)))
 
 
 LEAST_CURVE = 4
@@ -119,7 +140,8 @@ def curve_parts(text: str, decimal: str) -> list[str]:
     (['1.5', '2', '2.5', '3'], ['1,5', '2', '2,5', '3'])
     """
     inner = text.strip().strip("[](){}").strip()
-    mark = ";" if ";" in inner else "," if "," in inner and decimal != "," else None
+    mark = next((mark for mark in ";|" if mark in inner), None)
+    mark = mark or ("," if "," in inner and decimal != "," else None)
     parts = [part.strip() for part in inner.split(mark) if part.strip()]
     if len(parts) < LEAST_CURVE:
         return []

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
@@ -20,7 +21,12 @@ from turnout.measurement.formats.channel_table import (
     TableColumn,
     table_columns,
 )
-from turnout.measurement.formats.clock import StatedClock, is_time_unit, seconds_of
+from turnout.measurement.formats.clock import (
+    StatedClock,
+    is_time_name,
+    is_time_unit,
+    seconds_of,
+)
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.named_arrays import stated_clock
 from turnout.measurement.formats.time_axis import moments_axis
@@ -185,10 +191,18 @@ def _tdms_group(
         if values.dtype.kind not in "biufM":
             problems.append(f"channel '{name}' is left out: it holds no numbers")
             continue
+        over = str(own.get("wf_xname", "time")).strip()
+        if not (is_time_name(over) or is_time_unit(str(own.get("wf_xunit_string", "s")))):
+            problems.append(f"channel '{name}' is left out: it is over {over}, not over time")
+            continue
         unit = tidy_unit(str(own.get("unit_string", own.get("NI_UnitDescription", ""))))
         described = (unit, str(own.get("description", "")))
-        clock = _tdms_clock({k: v for k, v in own.items() if k not in _TDMS_TEXTS}, own=True)
-        rate = clock.rate()
+        try:
+            clock = _tdms_clock({k: v for k, v in own.items() if k not in _TDMS_TEXTS}, own=True)
+            rate = clock.rate()
+        except ValueError as error:
+            problems.append(f"channel '{name}' is left out: {error}")
+            continue
         if rate is None or values.dtype.kind == "M":
             bare, inner = split_unit(channel.name)
             column = TableColumn(bare, values, unit or inner, described[1])
@@ -252,10 +266,13 @@ def read_uff(path: Path) -> Recording:
 
     columns: list[FileColumn] = []
     problems: list[str] = []
-    sets = pyuff.UFF(str(path)).read_sets()
-    for number, item in enumerate(sets if isinstance(sets, list) else [sets], start=1):
-        if item.get("type") != 58:
-            continue
+    file = pyuff.UFF(str(path))
+    places = [place for place, kind in enumerate(file.get_set_types()) if int(kind) == 58]
+    if not places:
+        message = f"{path}: holds no time histories (data set 58); export those"
+        raise FileError(message)
+    for number, place in enumerate(places, start=1):
+        item = file.read_sets(place)
         name = str(item.get("id1", "")).strip()
         name = name if name not in ("", "NONE") else f"record {number}"
         over_time = item.get("abscissa_spec_data_type") in (OVER_TIME, 0)

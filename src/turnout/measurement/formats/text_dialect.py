@@ -122,7 +122,7 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     try:
         best = _best(lines[:MOST_ROWS])
         if best is None or best[2] > MOST_ROWS // 2:
-            best = _best(lines)
+            best = _best(lines) or _best(lines[:MOST_ROWS], units=True)
     except csv.Error as error:
         message = f"{source}: is no table of numbers ({error})"
         raise FileError(message) from None
@@ -132,17 +132,27 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
         message = f"{source}: there are no rows of numbers in it (it begins with: {shown})"
         raise FileError(message)
     separator, decimal, first_row, width = best
-    above = _heading_rows(lines[:first_row], separator)
+    above = _heading_rows(lines[:first_row], separator, width)
     below = [split_line(line, separator) for line in lines[first_row : first_row + MOST_ROWS]]
     shows = any(decimal in cell and not is_stamp(cell) for cells in below for cell in cells)
     table = [cells for cells in below if len(cells) == width]
+    if sum(len(c) > 1 and all(_weight(cell, decimal) for cell in c) for c in above) > 2:
+        message = f"{source}: holds tables of different widths; save each in a file of its own"
+        raise FileError(message)
+    names = max((len(cells) for cells in above), default=0)
+    if separator == "," and 2 * names == width and not any("." in c for r in table for c in r):
+        message = (
+            f"{source}: the comma parts its columns and its decimals; export it with semicolons"
+        )
+        raise FileError(message)
+    filled = width < 2 or any(cells[-1] for cells in table)
     try:
         heading = read_heading(
             above,
-            width,
+            width if filled or (above and len(above[-1]) == width and above[-1][-1]) else width - 1,
             decimal=decimal if shows else None,
-            first_empty=not any(cells[0] for cells in table),
-            last_filled=any(cells[-1] for cells in table),
+            first_empty=10 * sum(bool(cells[0]) for cells in table) < len(table),
+            last_filled=filled,
             unnamed_first=_unnamed_first(table, decimal),
         )
     except ValueError as error:
@@ -162,28 +172,33 @@ def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
     return plain and len({int(b) - int(a) for a, b in pairwise(first)}) == 1
 
 
-def _heading_rows(lines: Sequence[str], separator: str) -> list[list[str]]:
+def _heading_rows(lines: Sequence[str], separator: str, width: int) -> list[list[str]]:
     """Return the cells of the lines above the table; a quoted cell may go over several lines."""
     if separator != " " and any(line.count('"') % 2 for line in lines):
         rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=separator)
         return [[" ".join(cell.split()) for cell in row] for row in rows]
-    return [_heading_cells(line, separator) for line in lines]
+    return [_heading_cells(line, separator, width) for line in lines]
 
 
-def _heading_cells(line: str, separator: str) -> list[str]:
+def _heading_cells(line: str, separator: str, width: int) -> list[str]:
     """Return the cells of a line above the table; one statement, such as "Rate: 1,000 Hz", is one.
 
     A separator may stand within the statement.
     """
     cells = split_line(line, separator)
+    if separator == " " and len(cells) != width and len(long := _WITH_UNIT.findall(line)) == width:
+        return [cell.strip() for cell in long]
     if cells and separator == " " and (":" in line or "=" in line):
         return [line.strip()]
-    first = cells[0] if cells else ""
+    first = _BRACKETS.sub("", cells[0]) if cells else ""
     return [line.strip()] if ":" in first[:-1] and not first.startswith('"') else cells
 
 
-def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
-    """Return separator, decimal mark, first row and width of the reading that explains most."""
+def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, int] | None:
+    """Return separator, decimal mark, first row and width of the reading that explains most.
+
+    With `units` a cell may hold a number with its unit.
+    """
     best, best_score = None, (0.0, 0)
     for separator, marks in DECIMAL_MARKS.items():
         if best is not None and not any(separator in line for line in lines):
@@ -192,20 +207,23 @@ def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
         for decimal in marks:
             if decimal == "," and not any("," in cell for cells in rows for cell in cells):
                 continue
-            shares = [_share(cells, decimal) for cells in rows]
+            cut = [[_UNIT.sub("", c) for c in cells] for cells in rows] if units else rows
+            shares = [_share(cells, decimal) for cells in cut]
             widths = Counter(len(c) for c, share in zip(rows, shares, strict=True) if share >= 0.5)
             if not widths:
                 continue
             width = max(widths, key=lambda key: (widths[key], key))
-            row = _first_row(rows, shares, width, decimal)
+            row = _first_row(cut, shares, width, decimal)
             heading = [cells for cells in rows[:row] if cells]
             last = heading[-1] if heading else []
+            whole = len(last) == width
             while last and not last[-1]:
                 last = last[:-1]
             near = width > 2 and abs(len(last) - width) == 1
-            fits = 3 if not heading or len(last) == width else 2 if near else 1
+            fits = 3 if not heading or whole or len(last) == width else 2 if near else 1
             fits = 1 if heading and shares[row - 1] >= 0.5 else fits
-            total = sum(s * s for c, s in zip(rows, shares, strict=True) if len(c) == width)
+            table = zip(rows[row:], shares[row:], strict=True)
+            total = sum(share * share for cells, share in table if len(cells) == width)
             score = (round(total * fits, 6), width)
             if score > best_score:
                 best, best_score = (separator, decimal, row, width), score
@@ -214,6 +232,11 @@ def _best(lines: Sequence[str]) -> tuple[str, str, int, int] | None:
 
 _SPACED = re.compile(r"[^\s\[(]\S*[ \t]+(?:\[[^\s\[\]]*\]|\([^\s()]*\))(?!\S)|\S+")
 """Cells between spaces; a unit in brackets belongs to the name before it."""
+
+
+_WITH_UNIT = re.compile(r"[^\[\]()]+(?:\[[^\[\]()]*\]|\([^\[\]()]*\))")
+_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
+_UNIT = re.compile(r"(?<=[\d.,])\s?[^\W\d_]{1,4}\Z")
 
 
 def split_line(line: str, separator: str) -> list[str]:
@@ -258,8 +281,14 @@ def _first_row(
 ) -> int:
     """Return the first row of the table: the first as wide whose first filled cell is a value."""
     fitting = [n for n, cells in enumerate(rows) if len(cells) == width and shares[n] >= 0.5]
-    kinds = rows[fitting[len(fitting) // 2]]
+    unlabelled = [number for number in fitting if not rows[number][0]]
+    usual = unlabelled if 2 * len(unlabelled) > len(fitting) else fitting
+    kinds = rows[usual[len(usual) // 2]]
     first = next((place for place, cell in enumerate(kinds) if _weight(cell, decimal)), 0)
+    above, *below = rows[fitting[0] : fitting[0] + 4]
+    numbered = [str(int(above[0]) + n) for n in range(width)] if above[0].isdigit() else []
+    if above == numbered and any(_are_words(cells, width) for cells in below):
+        del fitting[0]  # the numbers of the columns
     for number in fitting:
         cells = rows[number]
         if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
@@ -267,6 +296,10 @@ def _first_row(
         if _weight(cells[first], decimal) or number == fitting[-1]:
             return _with_gaps_above(rows, number, width)
     return fitting[0]
+
+
+def _are_words(cells: Sequence[str], width: int) -> bool:
+    return len(cells) == width and all(c[:1].isalpha() and not is_missing(c) for c in cells)
 
 
 def _with_gaps_above(rows: Sequence[Sequence[str]], number: int, width: int) -> int:

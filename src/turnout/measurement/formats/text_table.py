@@ -28,6 +28,8 @@ from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
 _EMPTY_LINE = re.compile(r"\n[ \t]*(?=\n)")
+_FORMULA = re.compile(rb'(^|[,;\t])="', re.MULTILINE)
+"""A cell that Excel shall keep as a text: ="0.5"."""
 MOST_FOOTER = 40
 """Rows below a table that may be statistics of it; and rows beside it that may be a heading."""
 
@@ -60,6 +62,7 @@ def text_table(content: bytes, *, source: str) -> Table:
     FileError
         When there is none, or its rows differ in width.
     """
+    content = _FORMULA.sub(rb'\1"', content) if b'="' in content else content
     layout = text_layout(content[:SAMPLE_SIZE], source=source)
     if layout.width > MOST_CHANNELS:
         message = f"{source}: holds {layout.width} columns, at most {MOST_CHANNELS} are read"
@@ -76,9 +79,10 @@ def text_table(content: bytes, *, source: str) -> Table:
     text = _Text(source, layout, above, body)
     frame, problems = _table(text)
     stated = layout.heading.stated
+    problems += _unclear_mark(text)
     if stated.rates or stated.weak:
         problems += _lost_lines(text)
-    frame = _without_side_heading(frame, stated, layout)
+    frame = _without_side_heading(frame, stated, layout, source)
     names = [*layout.heading.names, *[""] * layout.width]
     units = [*layout.heading.units, *[""] * layout.width]
     columns = [
@@ -209,7 +213,7 @@ def _refuse_second_table(text: _Text, leading: int) -> None:
                 raise FileError(message)
 
 
-def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -> Any:
+def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout, source: str) -> Any:
     """Read a heading that stands in the first columns beside the first rows of numbers."""
     beside: list[int] = []
     for name in frame.columns[:-1] if frame[0].dtype == object else ():
@@ -221,13 +225,27 @@ def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout) -
     if not beside or frame[beside[0]].dtype != object or len(beside) < 2:
         return frame
     for row in frame[beside].head(MOST_FOOTER).astype(str).itertuples(index=False):
-        values = [cell for cell in row[1:] if cell and cell != "nan"]
+        values = [cell for cell in row[1:] if isinstance(cell, str) and cell not in ("", "nan")]
         if values:
             try:
                 stated.read(str(row[0]), values, decimal=layout.decimal)
             except ValueError as error:
-                raise FileError(str(error)) from None
+                message = f"{source}: {error}"
+                raise FileError(message) from None
     return frame.drop(columns=beside)
+
+
+def _unclear_mark(text: _Text) -> list[str]:
+    """Return a remark if the decimal mark might part thousands instead, by all its numbers."""
+    mark = re.escape(text.layout.decimal)
+    shown = re.search(rf"\d{mark}\d", text.body)
+    plain = rf"(?:(?<![\d{mark}])(?:0\d*|\d{{4,}}|){mark}\d|{mark}(?:\d{{0,2}}|\d{{4,}})(?!\d))"
+    if text.layout.decimal == text.layout.separator or not shown or re.search(plain, text.body):
+        return []
+    return [
+        f"check the values: all have three digits behind '{text.layout.decimal}', which is taken "
+        "for the decimal mark"
+    ]
 
 
 def _lost_lines(text: _Text) -> list[str]:

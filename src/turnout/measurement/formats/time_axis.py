@@ -45,11 +45,12 @@ _MONTHS = {
 _DATE = re.compile(
     r"(?P<y1>\d{4})(?P<s1>[-/.])(?P<m1>\d{1,2})(?P=s1)(?P<d1>\d{1,2})(?!\d)|"
     r"(?P<a>\d{1,2})(?P<s2>[-/.])(?P<b>\d{1,2})(?P=s2)(?P<y2>\d{4}|\d\d)(?![\d.,]\d|\d)|"
-    r"(?P<d3>\d{1,2})[-. ]{1,2}(?P<m3>[A-Za-zäÄ]{3,9})[-., ]{1,2}(?P<y3>\d{4}|\d\d)(?!\d)|"
+    r"(?P<d3>\d{1,2})[-. ]{1,2}(?P<m3>(?!day)[A-Za-zäÄ]{3,9})[-., ]{1,2}(?P<y3>\d{4}|\d\d)(?!\d)|"
     r"(?P<m4>[A-Za-zäÄ]{3,9})[. ]{1,2}(?P<d4>\d{1,2}),? (?P<y4>\d{4})|"
     r"(?P<y5>(?:19|20)\d\d)(?P<m5>[01]\d)(?P<d5>[0-3]\d)(?=[T _]|\Z)"
 )
 _CLOCK = re.compile(
+    r"(?:(?P<days>\d{1,5}) days?,?\s)?"
     r"(?:(?P<h1>\d{1,2}):(?P<n1>\d\d):(?P<c1>\d\d)(?:[.,:](?P<f1>\d{1,18}))?|"
     r"(?P<n2>\d{1,3}):(?P<c2>\d\d)[.,](?P<f2>\d{1,18})|(?P<h3>\d{1,2}):(?P<n3>\d\d)|"
     r"(?P<h4>\d{1,2})\.(?P<n4>\d\d)\.(?P<c4>\d\d)(?:[.,](?P<f4>\d{1,18}))?|"
@@ -263,7 +264,7 @@ def is_stamp(text: str) -> bool:
     if len(text) > _LONGEST or not text[:1].strip("+-"):
         return False
     date = _DATE.match(text)
-    rest = text[date.end() :].strip(" T,;_") if date else text
+    rest = text[date.end() :].strip(" T,;_").removeprefix("- ") if date else text
     match = _CLOCK.fullmatch(rest) if rest else None
     return match is not None and (bool(date) or match["h5"] is None)
 
@@ -325,7 +326,7 @@ _Row = tuple[dict[str, str | None], dict[str, str | None]]
 def _parts(text: str, number: int) -> _Row:
     """Return the parts of the date and of the time of day."""
     date = _DATE.match(text) if len(text) <= _LONGEST else None
-    rest = text[date.end() :].strip(" T,;_") if date else text
+    rest = text[date.end() :].strip(" T,;_").removeprefix("- ") if date else text
     clock = _CLOCK.fullmatch(rest or "000000") if len(rest) <= _LONGEST else None
     if clock is None:
         message = f"row {number} of the numbers: '{text[:40]}' is no time"
@@ -351,10 +352,8 @@ def _month_first(rows: Sequence[_Row]) -> bool:
         return True
     if all(a == b and len(y or "") == 4 for a, b, y in open_dates):
         return False
-    message = (
-        f"the date {first}/{second}/{year} may name its day or its month first; "
-        "write dates as 2026-11-28"
-    )
+    order = "its day or its month" if len(year or "") == 4 else "its day, its month or its year"
+    message = f"the date {first}/{second}/{year} may name {order} first; write dates as 2026-11-28"
     raise ValueError(message)
 
 
@@ -400,7 +399,9 @@ def _second_of_day(clock: dict[str, str | None]) -> float:
         offset = (HOUR * int(digits[:2]) + 60.0 * int(digits[2:])) * (1 if zone[0] == "+" else -1)
     elif zone:
         offset = _ZONES.get(zone, 0.0)
-    whole = HOUR * hour + 60.0 * int(minutes) + int(seconds) - offset
+    whole = (
+        DAY * int(clock["days"] or 0) + HOUR * hour + 60.0 * int(minutes) + int(seconds) - offset
+    )
     return whole + int(fraction) / 10.0 ** len(fraction)
 
 
