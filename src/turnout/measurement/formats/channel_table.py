@@ -1,14 +1,12 @@
-"""Tables: the columns that are times, indices, numbers of throws or texts, and the channels left.
+"""Channels of a table: the throws that it holds, and the times of each column.
 
-Text files, workbooks, JSON, Parquet and tables within binary files all come here, so that each
-column goes with the nearest column of times to its left, an index is never taken for a time, and
-several throws in one table never become one channel.
+Each column goes with the nearest column of times to its left, an index is never taken for a time,
+and several throws in one table never become one channel.
 """
 
-import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,138 +16,47 @@ from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    is_unit,
-    split_unit,
     tidy_unit,
 )
 from turnout.measurement.formats.clock import (
-    StatedClock,
-    is_abscissa_name,
-    is_date_name,
     is_direction_name,
     is_index_name,
-    is_letter,
     is_signal_name,
     is_throw_name,
     is_time_name,
-    is_time_unit,
-    is_time_word,
     squeezed,
     unit_in_name,
 )
+from turnout.measurement.formats.file_table import (
+    Floats,
+    Table,
+    count_filled,
+    counts_throws,
+    label_of,
+    restarts,
+    sort_columns,
+)
 from turnout.measurement.formats.numbers import (
     LEAST_CURVE,
-    curve_parts,
-    is_number,
-    numbers,
-    numbers_with_unit,
 )
 from turnout.measurement.formats.time_axis import (
     LARGEST_DEPARTURE,
     TimeAxis,
     counts,
-    day_zero,
     is_date,
-    is_stamp,
-    may_be_time,
-    moments_axis,
     numeric_axis,
-    rises_evenly,
-    stamps_axis,
 )
 from turnout.measurement.recording import Recording, time_grid
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.intp]
 """Places of the rows of a throw."""
-
-# A column with fewer numbers than this share is one of texts, else its texts are errors.
-_LEAST_NUMBERS = 0.1
 _MOST_SIGNALS = 256
 ALL = ("*",)
 """In place of the labels of throws: all that a table holds."""
 THROW = "throw"
 """Label of a recording that is one of several throws."""
-# Columns with their number behind the name that are the samples of a curve.
-_LEAST_NUMBERED = 8
-_NUMBERED = re.compile(r"(.*?)[\s_\[(]*(\d+)[\])]?")
 # A column without a unit that steps less or more than this may not be in seconds [s].
 _USUAL_STEP = (1e-5, 0.5)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TableColumn:
-    """One column of a table as a file holds it.
-
-    Attributes
-    ----------
-    name, unit, description : str
-        As the file writes them.
-    cells : ndarray, shape (n,)
-        Numbers, dates (datetime64, timedelta64), or objects that are texts or lists of numbers.
-    """
-
-    name: str
-    cells: NDArray[np.generic]
-    unit: str = ""
-    description: str = ""
-
-
-def _row_number(row: int) -> str:
-    return f"row {row + 1}"
-
-
-@dataclass(slots=True)
-class Table:
-    """The columns of a table: numbers, times, texts and curves.
-
-    Attributes
-    ----------
-    columns : list of TableColumn
-        In the order of the file.
-    stated : StatedClock
-        Stated beside them.
-    source : str
-        The file, for messages.
-    decimal : str
-        Decimal mark in its texts; found in them if empty.
-    named : bool
-        Whether the file names its columns.
-    line_of : callable
-        Name of the line that holds a row.
-    remedy : str
-        What to do where the time is unknown.
-    title : str
-        Name of its sheet; empty where the file has none.
-    alone : bool
-        Whether the file holds nothing else, so that one of its throws may be chosen.
-    values : dict of int to ndarray
-        Columns of numbers by their place.
-    axes : dict of int to TimeAxis
-        Columns of times by their place; a date and its time of day make one.
-    texts, curves : dict
-        Columns of texts, and of lists of numbers in their cells.
-    overloads : dict of int to int
-        How many cells of a column hold no number but an overload.
-    problems : list of str
-        Remarks on the columns.
-    """
-
-    columns: list[TableColumn]
-    stated: StatedClock
-    source: str
-    decimal: str = ""
-    named: bool = True
-    line_of: Callable[[int], str] = _row_number
-    remedy: str = ""
-    title: str = ""
-    alone: bool = True
-    values: dict[int, Floats] = field(default_factory=dict)
-    axes: dict[int, TimeAxis] = field(default_factory=dict)
-    texts: dict[int, list[str]] = field(default_factory=dict)
-    curves: dict[int, list[Floats]] = field(default_factory=dict)
-    overloads: dict[int, int] = field(default_factory=dict)
-    problems: list[str] = field(default_factory=list)
 
 
 def recordings_of(
@@ -208,10 +115,10 @@ def _assembled(table: Table, columns: list[FileColumn], throw: str = "") -> Reco
     labels = {THROW: throw} if throw else {}
     for place, cells in table.texts.items():
         if len(set(cells)) == 1:
-            labels.setdefault(_label(table, place), cells[0].strip())
+            labels.setdefault(label_of(table, place), cells[0].strip())
     for place, values in table.values.items():
         if values.size and np.all(values == values[0]):
-            labels.setdefault(_label(table, place), f"{values[0]:.9g}")
+            labels.setdefault(label_of(table, place), f"{values[0]:.9g}")
     return replace(recording, labels=labels)
 
 
@@ -284,295 +191,8 @@ def table_columns(table: Table) -> list[FileColumn]:
 
 def _sorted_throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Sort the columns and find the times among them; return `_throws` of the table."""
-    try:
-        _sort_columns(table)
-        _name_axes(table)
-    except ValueError as error:
-        message = f"{table.source}: {error}"
-        raise FileError(message) from None
+    sort_columns(table)
     return _throws(table)
-
-
-def _label(table: Table, place: int) -> str:
-    return table.columns[place].name or f"column {place + 1}"
-
-
-def _sort_columns(table: Table) -> None:
-    """Sort columns of numbers, stamps, lists and texts."""
-    _turn_rows(table)
-    table.decimal = table.decimal or _decimal_mark(table.columns)
-    _take_dates(table)
-    dates: dict[int, list[str]] = {}
-    for place, column in enumerate(table.columns):
-        cells = column.cells
-        if cells.dtype.kind in "biuf":
-            table.values[place] = cells.astype(np.float64)
-        elif cells.dtype.kind in "mM":
-            table.axes[place] = moments_axis(cells)
-        elif any(isinstance(cell, list | tuple | np.ndarray) for cell in cells[:3]):
-            table.curves[place] = _curves(_label(table, place), cells)
-        else:
-            _sort_texts(table, place, ["" if c is None else str(c) for c in cells], dates)
-    _join_dates(table, dates)
-    for place in list(table.values):
-        values = table.values[place]
-        if not table.columns[place].name and values.size and np.isnan(values).all():
-            del table.values[place]
-
-
-def _decimal_mark(columns: Sequence[TableColumn]) -> str:
-    """Return the decimal mark in the texts of columns: a comma if one is no number without."""
-    texts = [cell for c in columns if c.cells.dtype.kind == "O" for cell in c.cells]
-    texts = [cell for cell in texts if isinstance(cell, str) and "," in cell]
-    return "," if any(is_number(t, ",") and not is_number(t, ".") for t in texts) else "."
-
-
-def _take_dates(table: Table) -> None:
-    """Take a column that repeats one date for the day of a column of times beside it."""
-    for place, column in enumerate(table.columns):
-        held, others = column.cells, [c.name for c in table.columns if c is not column]
-        one = held.dtype.kind == "M" and held.size > 1 and bool(np.all(held == held[0]))
-        if one and any(map(is_time_name, others)):
-            table.stated.moments.append(str(held[0].astype("datetime64[s]")))
-            cells = np.array([str(held[0])[:10]] * held.size, dtype=object)
-            table.columns[place] = replace(column, cells=cells)
-
-
-def _curves(name: str, cells: NDArray[np.generic]) -> list[Floats]:
-    """Return the lists of numbers in the cells of a column."""
-    try:
-        curves = [np.asarray(cell, dtype=np.float64) for cell in cells]
-    except (TypeError, ValueError):
-        message = f"column '{name}': a list in it holds no numbers"
-        raise ValueError(message) from None
-    if any(curve.ndim > 1 for curve in curves) or all(c.size < LEAST_CURVE for c in curves):
-        message = f"column '{name}': its cells hold pairs of numbers; export a column for each"
-        raise ValueError(message)
-    return [np.atleast_1d(curve) for curve in curves]
-
-
-def _turn_rows(table: Table) -> None:
-    """Read curves that lie in rows: with a name in front, or in columns with a number each."""
-    columns = table.columns
-    count = max((len(column.cells) for column in columns), default=0)
-    if len(columns) <= max(_LEAST_NUMBERED, 2 * count) or not count:
-        return
-    first = [str(cell).strip() for cell in columns[0].cells]
-    if not table.named and len(set(first)) == count and all(cell[:1].isalpha() for cell in first):
-        table.columns, table.named = [], True
-        for row, name in enumerate(first):
-            bare, unit = split_unit(name)
-            texts = np.array([str(column.cells[row]) for column in columns[1:]], dtype=object)
-            table.columns.append(TableColumn(bare, texts, unit))
-        return
-    if not table.named:
-        message = (
-            f"has {len(columns)} columns without a name and {count} rows, so curves may lie in its "
-            "rows; export a column per channel, with its name"
-        )
-        raise ValueError(message)
-    matches = [_NUMBERED.fullmatch(column.name) for column in columns]
-    stems = Counter(match[1] for match in matches if match)
-    stem, size = stems.most_common(1)[0] if stems else ("", 0)
-    if size >= _LEAST_NUMBERED:
-        places = [place for place, match in enumerate(matches) if match and match[1] == stem]
-        curves = np.empty(count, dtype=object)
-        curves[:] = [[columns[place].cells[row] for place in places] for row in range(count)]
-        kept = [column for place, column in enumerate(columns) if place not in places]
-        unit = columns[places[0]].unit
-        table.columns = [*kept, TableColumn(stem.strip() or "curve", curves, unit)]
-
-
-def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, list[str]]) -> None:
-    name = _label(table, place)
-    filled = [text for text in texts if text.strip() and text.strip().lower() != "nan"]
-    if not filled:
-        table.values[place] = np.full(len(texts), np.nan)
-        return
-    sample = filled[:: max(1, len(filled) // 50)]
-    dated = sum(map(is_date, sample)) > 0.9 * len(sample)
-    if dated or sum(map(is_stamp, sample)) > 0.9 * len(sample):
-        dates[place] = texts
-        return
-    values, wrong, overload = numbers(texts, table.decimal)
-    count = len(filled) - len(wrong)
-    if wrong and all(curve_parts(text, table.decimal) for text in filled):
-        parts = [curve_parts(text, table.decimal) for text in texts]
-        table.curves[place] = [numbers(items, table.decimal)[0] for items in parts]
-    elif (wrong or overload) and (held := numbers_with_unit(texts, table.decimal)):
-        _take_units(table, place, *held)
-    elif wrong and count < _LEAST_NUMBERS * len(filled) or not np.isfinite(values).any():
-        table.texts[place] = texts
-    elif wrong:
-        text = texts[wrong[0]].strip()[:40]
-        message = f"{table.line_of(wrong[0])}, column '{name}': '{text}' is not a number"
-        raise ValueError(message)
-    else:
-        table.values[place] = values
-        if overload:
-            number = sum(text.strip() in overload for text in texts)
-            table.overloads[place] = number
-            what = "cell is" if number == 1 else "cells are"
-            shown = choices(sorted(overload))
-            table.problems.append(
-                f"channel '{name}': {number} {what} overload ({shown}), taken as missing"
-            )
-
-
-def _take_units(table: Table, place: int, values: Floats, units: list[str]) -> None:
-    """Take a column that repeats its unit in each cell."""
-    if len(units) > 1:
-        message = f"column '{_label(table, place)}': its cells are in {choices(units)}; export one"
-        raise ValueError(message)
-    table.values[place] = values
-    column = table.columns[place]
-    unit = tidy_unit(units[0]) if is_unit(units[0]) else units[0]
-    table.columns[place] = replace(column, unit=column.unit or unit)
-
-
-def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
-    """Make axes of stamps; a date alone goes with the time of day beside it."""
-    alone = {place for place, texts in dates.items() if is_date(next(filter(str.strip, texts)))}
-    clocks = [place for place in dates if place not in alone]
-    for place in clocks:
-        texts = dates[place]
-        beside = next((p for p in (place - 1, place + 1) if p in alone), None)
-        if beside is not None and not any(c.isdigit() and "-" in t for t in texts[:1] for c in t):
-            texts = [f"{day} {text}" for day, text in zip(dates[beside], texts, strict=True)]
-            alone.discard(beside)
-        used = _filled(texts)
-        axis = stamps_axis(texts[:used])
-        following = table.columns[place + 1 : place + 2]
-        if following and squeezed(following[0].name) in (
-            "ms",
-            "millisecond",
-            "milliseconds",
-            "msec",
-        ):
-            thousandths = table.values.pop(place + 1, np.zeros(0))[:used]
-            if thousandths.size == used and np.all(axis.seconds == np.rint(axis.seconds)):
-                seconds = axis.seconds + thousandths / 1e3
-                first = float(thousandths[0]) / 1e3
-                begin = None if axis.begin is None else axis.begin + first
-                axis = replace(axis, seconds=seconds - first, begin=begin)
-        table.axes[place] = axis
-    for place in alone:
-        table.texts[place] = dates[place]
-
-
-def _filled(texts: Sequence[str]) -> int:
-    """Return the number of cells up to the last that is filled."""
-    count = len(texts)
-    while count and (not texts[count - 1].strip() or texts[count - 1].strip().lower() == "nan"):
-        count -= 1
-    return count
-
-
-def _name_axes(table: Table) -> None:
-    """Find the columns of numbers that are times."""
-    rate = table.stated.rate()
-    single = rate[0] if rate else None
-    days = _days(table)
-    for place in sorted(table.values):
-        column, values = table.columns[place], table.values[place]
-        given = values[: _count(values)]
-        letter, rises = is_letter(column.name), place == 0 and rises_evenly(given)
-        named = is_time_name(column.name) or (rises and is_time_word(column.name))
-        if (
-            not named
-            and place not in days
-            and not (is_time_unit(column.unit) and (rises or is_abscissa_name(column.name)))
-        ):
-            continue
-        if letter and column.unit and not is_time_unit(column.unit):
-            continue
-        bare = letter and not is_time_unit(column.unit)
-        if bare and not may_be_time(given, column.name, rate=single):
-            continue
-        index = _counts_throws(given) or _counts_with_holes(given)
-        if rate is not None and not is_time_unit(column.unit) and index:
-            continue  # an index beside a rate
-        try:
-            unit = "d" if place in days else column.unit
-            axis = numeric_axis(given, name=column.name, unit=unit)
-        except ValueError as error:
-            message = f"column '{column.name}': {error}"
-            raise ValueError(message) from None
-        table.axes[place] = axis
-        del table.values[place]
-    if not table.axes and single is not None:
-        _index_axis(table, single)
-    if not table.axes and not table.named and 0 in table.values and len(table.columns) > 1:
-        first = table.values[0]
-        fits = may_be_time(first, "", rate=single) and rises_evenly(first)
-        if first.size > 2 and fits and not counts(first):
-            table.axes[0] = TimeAxis(table.values.pop(0))
-            if single is None:
-                table.problems.append("column 1 rises evenly and is taken for the time [s]")
-
-
-def _days(table: Table) -> set[int]:
-    """Return the columns of days in numbers; a time of day beside one is added to it."""
-    found = set()
-    for place, column in enumerate(table.columns):
-        values = table.values.get(place)
-        if values is None or column.unit or not is_date_name(column.name):
-            continue
-        if day_zero(values[: _count(values)]) is None:
-            continue
-        found.add(place)
-        parts = table.values.get(place + 1)
-        if parts is None or not is_time_name(table.columns[place + 1].name):
-            continue
-        given = parts[: _count(parts)]
-        if np.all(given >= 0) and np.all(given < 1) and np.all(values == np.rint(values)):
-            table.values[place] = values + table.values.pop(place + 1)
-    return found
-
-
-def _index_axis(table: Table, rate: float) -> None:
-    """Take an index that leaves numbers out as times: samples are missing there."""
-    for place, values in table.values.items():
-        name = table.columns[place].name
-        steps = np.diff(values)
-        if is_index_name(name) and len(name) > 1 and counts(values) and steps[0] > 1:
-            message = (
-                f"column '{name}' counts in steps of {steps[0]:g} beside a stated rate of {rate:g} "
-                "Hz, so that of the rows is not known; leave the column out, or state their rate"
-            )
-            raise ValueError(message)
-        if is_index_name(name) and _counts_with_holes(values) and not _counts_throws(values):
-            table.axes[place] = TimeAxis((values - values[0]) / rate)
-            del table.values[place]
-            return
-
-
-def _counts_with_holes(values: Floats) -> bool:
-    """Return True if whole numbers mostly rise by one."""
-    whole = values.size > 1 and np.isfinite(values).all() and np.all(values == np.rint(values))
-    return bool(whole and np.median(np.diff(values)) == 1)
-
-
-def _count(values: Floats) -> int:
-    there = np.flatnonzero(np.isfinite(values))
-    return int(there[-1]) + 1 if there.size else 0
-
-
-def _restarts(values: Floats) -> NDArray[np.intp]:
-    """Return the places at which times or an index start again."""
-    steps = np.diff(values)
-    rising = steps[steps > 0]
-    near = float(values[0]) + (0.5 * float(np.median(rising)) if rising.size else 0.0)
-    with np.errstate(invalid="ignore"):
-        return np.flatnonzero((steps < 0) & (values[1:] < near)) + 1
-
-
-def _counts_throws(values: Floats) -> bool:
-    """Return True if whole numbers count, from one or from several beginnings."""
-    if values.size < 2 or not np.isfinite(values).all():
-        return False
-    parts = np.split(values, _restarts(values))
-    return all(part.size < 2 or counts(part) for part in parts)
 
 
 def _cut(table: Table, parts: Mapping[str, Rows], by: str, throw: str | None) -> Table:
@@ -600,7 +220,7 @@ def _cut(table: Table, parts: Mapping[str, Rows], by: str, throw: str | None) ->
         overloads={},
         problems=[*table.problems, f"throw '{throw}', one of {len(parts)} in the table"],
     )
-    for place in [p for p in cut.values if is_throw_name(_label(table, p))]:
+    for place in [p for p in cut.values if is_throw_name(label_of(table, p))]:
         del cut.values[place]
     return cut
 
@@ -630,29 +250,29 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
         if len(set(names)) == len(names) > 1 and (curves or len(names) <= len(cells) / 2):
             edges = [*starts, len(cells)]
             rows = {n: np.arange(a, b) for n, a, b in zip(names, edges, edges[1:], strict=False)}
-            return rows, f"column '{_label(table, place)}'"
+            return rows, f"column '{label_of(table, place)}'"
     if curves:
         place = next(iter(table.curves))
         rows = {f"{row + 1}": np.array([row]) for row in range(size)}
-        return rows, f"a curve in each cell of column '{_label(table, place)}'"
+        return rows, f"a curve in each cell of column '{label_of(table, place)}'"
     for place, cells in turns.items():
         starts = [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
         if 1 < len(starts) <= len(cells) / LEAST_CURVE and not table.axes:
             parts = zip(starts, [*starts[1:], len(cells)], strict=True)
             rows = {f"{n}": np.arange(a, b) for n, (a, b) in enumerate(parts, start=1)}
-            return rows, f"column '{_label(table, place)}' changes"
+            return rows, f"column '{label_of(table, place)}' changes"
     indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
     times = {place: axis.seconds for place, axis in table.axes.items()}
     for place, values in [*times.items(), *indices.items()]:
-        again = _restarts(values) if values.size > 2 else np.zeros(0, np.intp)
-        if not again.size or (place in indices and not _counts_throws(values)):
+        again = restarts(values) if values.size > 2 else np.zeros(0, np.intp)
+        if not again.size or (place in indices and not counts_throws(values)):
             continue
         if _signal_column(table) is not None:
             return {}, ""
         edges = [0, *again.tolist(), values.size]
         parts = zip(edges, edges[1:], strict=False)
         rows = {f"{n}": np.arange(a, b) for n, (a, b) in enumerate(parts, start=1)}
-        return rows, f"'{_label(table, place)}' starts again"
+        return rows, f"'{label_of(table, place)}' starts again"
     return {}, ""
 
 
@@ -681,10 +301,10 @@ def _channel_columns(table: Table) -> list[FileColumn]:
     for place, texts in sorted(table.texts.items()):
         dates = all(is_date(text) for text in texts if text.strip())
         what = "dates without a time of day" if dates else "no numbers"
-        if is_time_name(_label(table, place)) and not dates:
+        if is_time_name(label_of(table, place)) and not dates:
             shown = next((text for text in texts if text.strip()), "")[:40]
             what = f"times of no known layout ('{shown}'); write them as 2026-11-28 08:14:00.000"
-        table.problems.append(f"column '{_label(table, place)}' is left out: it holds {what}")
+        table.problems.append(f"column '{label_of(table, place)}' is left out: it holds {what}")
     for shown in table.stated.doubtful if table.stated.rate() is None else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
     for shown in table.stated.reduced if table.stated.rate() is not None else ():
@@ -715,7 +335,7 @@ def _curve_columns(table: Table) -> list[FileColumn]:
         column = table.columns[place]
         found.append(
             FileColumn(
-                _label(table, place),
+                label_of(table, place),
                 np.concatenate(curves),
                 column.unit,
                 column.description,
@@ -740,13 +360,15 @@ def _long_columns(table: Table) -> list[FileColumn]:
     places = [
         p
         for p, v in table.values.items()
-        if p != by and not (is_index_name(table.columns[p].name) and _counts_throws(v))
+        if p != by and not (is_index_name(table.columns[p].name) and counts_throws(v))
     ]
     if not places or np.all(np.diff(axis.seconds) > 0):
         return []
     held = table.texts.pop(by, None) or [f"{value:g}" for value in table.values[by]]
     signals = np.array(held)
-    units = next((p for p in table.texts if squeezed(_label(table, p)) in ("unit", "units")), None)
+    units = next(
+        (p for p in table.texts if squeezed(label_of(table, p)) in ("unit", "units")), None
+    )
     unit_of = None if units is None else table.texts.pop(units)
     found = []
     for signal in dict.fromkeys(held):
@@ -754,8 +376,8 @@ def _long_columns(table: Table) -> list[FileColumn]:
         times = axis.seconds[rows]
         for place in places:
             column, samples = table.columns[place], table.values[place][rows]
-            name = signal if not signal.isdigit() else f"{_label(table, by)} {signal}"
-            name = name if len(places) == 1 else f"{name} {_label(table, place)}"
+            name = signal if not signal.isdigit() else f"{label_of(table, by)} {signal}"
+            name = name if len(places) == 1 else f"{name} {label_of(table, place)}"
             unit = tidy_unit(unit_of[rows[0]]) if unit_of else column.unit
             found.append(FileColumn(name, samples, unit, time=times, begin=axis.begin))
     return found
@@ -775,7 +397,7 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         axis = axes[left[-1]] if left else None
         several = len(axes) > 1 or (rate is not None and len(set(rate)) > 1)
         if several:
-            values = values[: _count(values)]
+            values = values[: count_filled(values)]
         name = column.name or f"column {place + 1}"
         if axis is None:
             own = None if rate is None else rate[number if len(rate) > 1 else 0]
@@ -813,9 +435,9 @@ def _channels(table: Table) -> list[int]:
         headless = not table.named and place == 0 and counts(values) and len(table.values) > 1
         # Beside a time a letter may be anything that counts up.
         letter = bool(table.axes) and len(name) == 1 and name.isalpha()
-        index = table.named and is_index_name(name) and not letter and _counts_throws(values)
+        index = table.named and is_index_name(name) and not letter and counts_throws(values)
         if headless or index:
-            shown = f"column '{_label(table, place)}'"
+            shown = f"column '{label_of(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time")
         elif is_throw_name(name) and values.size and np.all(values == values[0]):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
@@ -828,7 +450,7 @@ def _usable(
     table: Table, place: int, axis: TimeAxis, rate: tuple[float, ...] | None
 ) -> TimeAxis | None:
     """Return an axis; None when it is too coarse and a rate is stated beside it."""
-    name = _label(table, place)
+    name = label_of(table, place)
     try:
         stamps = table.columns[place].cells.dtype.kind == "O"
         if stamps and _in_whole_seconds(axis.seconds) and rate is None:

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
-from turnout.measurement.formats.channel_table import Table, TableColumn, table_columns
+from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import is_time_name, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
+from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.named_arrays import (
     NAME_LISTS,
     NO_TIME,

@@ -16,9 +16,10 @@ from turnout.measurement.formats.assemble import (
     split_unit,
     tidy_unit,
 )
-from turnout.measurement.formats.channel_table import Table, TableColumn, table_columns
+from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
 from turnout.measurement.formats.extent import Declared
+from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.text_dialect import encoding_of
 from turnout.measurement.recording import Recording
 

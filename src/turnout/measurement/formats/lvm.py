@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
-from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import split_unit, tidy_unit
-from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
+from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.numbers import numbers
 from turnout.measurement.formats.text_dialect import encoding_of
 from turnout.measurement.formats.time_axis import is_stamp, stamps_axis
@@ -28,6 +28,60 @@ def read_lvm(path: Path) -> Table:
     FileError
         When it holds several segments, or numbers cannot be read.
     """
+    facts, own, body, decimal = _parts(path)
+    names = [name.strip() for name in body[0]] if body else []
+    if "Comment" in names:
+        names = names[: names.index("Comment")]
+    stated_count = own.get("channels", ["1"])[0].strip()
+    count = int(stated_count) if stated_count.isdigit() else len(names)
+    # Per channel a value in each column of samples; times take a column each or none.
+    places = [n for n, name in enumerate(names) if name.lower() != "x_value"]
+    by_channel = {key: _of_channels(values, count) for key, values in own.items()}
+    over = {value.lower() for value in by_channel.get("x_dimension", [])} - {"time"}
+    if over:
+        message = f"{path}: is recorded over {', '.join(sorted(over))}, not over time"
+        raise FileError(message)
+    with_times = facts.get("x_columns", "One").lower() != "no"
+    steps = [] if with_times else _steps(by_channel, decimal, path)
+    later = _later(by_channel, len(places))
+    if later.any() and with_times and len(names) < 2 * len(places):
+        message = (
+            f"{path}: its channels start at different times and share one column of times; "
+            "export a column of times for each"
+        )
+        raise FileError(message)
+    if steps:
+        first = numbers(by_channel.get("x0", ["0"]), decimal)[0]
+        later = later + (first if first.size == later.size else first[0])
+    stated = StatedClock()
+    stated.moments = [" ".join(facts[key] for key in ("date", "time") if key in facts)]
+    units = by_channel.get("y_unit_label", [])
+    alike = bool(steps) and np.unique(later).size == 1
+    if alike:
+        stated.rates.append(("Delta_X", tuple(1.0 / step for step in steps)))
+        stated.start = float(later[0])
+    columns = []
+    for place, name in enumerate(names):
+        if place not in places and not with_times:
+            continue
+        cells = [row[place] if place < len(row) else "" for row in body[1:]]
+        bare, unit = split_unit(name)
+        number = sum(item < place for item in places)
+        if place not in places:
+            own_times = numbers(cells, decimal)[0] + later[min(number, later.size - 1)]
+            columns.append(TableColumn("Time", own_times, "s"))
+            continue
+        if steps and not alike:
+            filled = sum(bool(cell.strip()) for cell in cells)
+            even = later[number] + steps[min(number, len(steps) - 1)] * np.arange(filled)
+            columns.append(TableColumn("Time", even, "s"))
+        unit = tidy_unit(units[number]) if number < len(units) and units[number] else unit
+        columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
+    return Table(columns, stated, str(path), decimal=decimal, alone=False)
+
+
+def _parts(path: Path) -> tuple[dict[str, str], dict[str, list[str]], list[list[str]], str]:
+    """Return the facts of the file and of its channels, the rows, and the decimal mark."""
     content = path.read_bytes()
     lines = content.decode(encoding_of(content), errors="replace").splitlines()
     ends = [number for number, line in enumerate(lines) if line.strip().startswith(_END)]
@@ -42,62 +96,17 @@ def read_lvm(path: Path) -> Table:
     rows = [line.split(separator) for line in lines[ends[0] + 1 : ends[1]]]
     own = {row[0].strip().lower(): row[1:] for row in rows if row[0].strip()}
     body = [line.split(separator) for line in lines[ends[1] + 1 :] if line.strip()]
-    names = [name.strip() for name in body[0]] if body else []
-    if "Comment" in names:
-        names = names[: names.index("Comment")]
-    stated_count = own.get("channels", ["1"])[0].strip()
-    count = int(stated_count) if stated_count.isdigit() else len(names)
-    # Per channel a value in each column of samples; times take a column each or none.
-    places = [n for n, name in enumerate(names) if name.lower() != "x_value"]
-    by_channel = {key: _of_channels(values, count) for key, values in own.items()}
-    over = {value.lower() for value in by_channel.get("x_dimension", [])} - {"time"}
-    if over:
-        message = f"{path}: is recorded over {', '.join(sorted(over))}, not over time"
-        raise FileError(message)
-    with_times = facts.get("x_columns", "One").lower() != "no"
-    stated = StatedClock()
-    steps = [] if with_times else _steps(by_channel, decimal, path)
-    if steps:
-        stated.rates.append(("Delta_X", tuple(1.0 / step for step in steps)))
-        stated.start = float((numbers(by_channel.get("x0", ["0"]), decimal)[0])[0])
-    starts = list(map(" ".join, zip(*(by_channel.get(k, []) for k in _START), strict=False)))
-    later = np.zeros(len(places))
-    if len(starts) == len(places) and all(map(is_stamp, starts)):
-        later = np.array([stamps_axis([start]).begin or 0.0 for start in starts])
-        later -= later.min(initial=np.inf)
-    later = np.where(later.max(initial=0.0) > _SAME_START, later, 0.0)
-    if later.any() and with_times and len(names) < 2 * len(places):
-        message = (
-            f"{path}: its channels start at {choices(dict.fromkeys(starts))} and share one column "
-            "of times; export a column of times for each"
-        )
-        raise FileError(message)
-    stated.moments = [" ".join(facts[key] for key in ("date", "time") if key in facts)]
-    units = by_channel.get("y_unit_label", [])
-    columns = []
-    for place, name in enumerate(names):
-        if place not in places and not with_times:
-            continue
-        cells = [row[place] if place < len(row) else "" for row in body[1:]]
-        bare, unit = split_unit(name)
-        number = sum(item < place for item in places)
-        if place in places:
-            unit = tidy_unit(units[number]) if number < len(units) and units[number] else unit
-            if steps and later.any():
-                step = steps[min(number, len(steps) - 1)]
-                filled = sum(bool(cell.strip()) for cell in cells)
-                times = stated.start + later[number] + step * np.arange(filled)
-                columns.append(TableColumn("Time", times, "s"))
-        else:
-            bare, unit = "Time", "s"
-            if number < later.size and later[number]:
-                times = numbers(cells, decimal)[0] + later[number]
-                columns.append(TableColumn(bare, times, unit))
-                continue
-        columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
-    if steps and later.any():
-        stated.rates.clear()
-    return Table(columns, stated, str(path), decimal=decimal, alone=False)
+    return facts, own, body, decimal
+
+
+def _later(by_channel: dict[str, list[str]], count: int) -> NDArray[np.float64]:
+    """Return how much later than the first each channel starts, by its own date and time [s]."""
+    starts = list(map(" ".join, zip(*(by_channel.get(key, []) for key in _START), strict=False)))
+    if count < 2 or len(starts) != count or not all(map(is_stamp, starts)):
+        return np.zeros(count)
+    begins = np.array([stamps_axis([start]).begin or 0.0 for start in starts])
+    later = begins - begins.min()
+    return later if later.max() > _SAME_START else np.zeros(count)
 
 
 def _pair(line: str) -> tuple[str, str]:

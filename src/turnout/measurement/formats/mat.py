@@ -20,7 +20,8 @@ from turnout.measurement.formats.assemble import (
     split_unit,
     tidy_unit,
 )
-from turnout.measurement.formats.channel_table import Table, TableColumn, table_columns
+from turnout.measurement.formats.channel_table import table_columns
+from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.hdf5 import Content, read_hdf5
 from turnout.measurement.formats.mat_check import check_mat5
 from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays, stated_clock

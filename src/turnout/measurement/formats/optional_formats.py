@@ -16,11 +16,7 @@ from turnout.measurement.formats.assemble import (
     split_unit,
     tidy_unit,
 )
-from turnout.measurement.formats.channel_table import (
-    Table,
-    TableColumn,
-    table_columns,
-)
+from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import (
     StatedClock,
     is_time_name,
@@ -28,6 +24,7 @@ from turnout.measurement.formats.clock import (
     seconds_of,
 )
 from turnout.measurement.formats.extent import Declared
+from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.named_arrays import stated_clock
 from turnout.measurement.formats.time_axis import moments_axis
 from turnout.measurement.recording import Recording

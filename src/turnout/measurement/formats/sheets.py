@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from turnout.core.errors import FileError
-from turnout.measurement.formats.channel_table import Table
 from turnout.measurement.formats.extent import Declared
+from turnout.measurement.formats.file_table import Table
 from turnout.measurement.formats.text_dialect import encoding_of
 from turnout.measurement.formats.text_table import text_table
 

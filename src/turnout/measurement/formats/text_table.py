@@ -13,9 +13,9 @@ from pandas.errors import ParserWarning
 
 from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices
-from turnout.measurement.formats.channel_table import Table, TableColumn
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
+from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.numbers import EMPTY, is_number
 from turnout.measurement.formats.text_dialect import (
     SAMPLE_SIZE,
