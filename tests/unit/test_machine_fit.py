@@ -110,7 +110,7 @@ def test_a_series_motor_by_its_torque() -> None:
     half = 0.5 * torque / saturation
     current = half + np.sqrt(half**2 + torque)
     spans = [span(name, load, current) for name in "abc"]
-    found = fit_load_line(spans, kind="series", saturation_current=saturation)
+    found = fit_load_line(spans, saturation_current=saturation)
     assert isinstance(found, LoadLine)
     idle = 0.5 * 0.3 / saturation + math.sqrt((0.5 * 0.3 / saturation) ** 2 + 0.3)
     assert found.idle.value == pytest.approx(idle, rel=1e-4)
@@ -431,3 +431,7 @@ def test_a_folder_of_clamps_alone(tmp_path: Path) -> None:
     anchor = printed("machine", "fit", tmp_path, *given)["drives"][0]["anchor"]
     assert anchor["kind"] == "clutch-force gauge"
     assert anchor["slope"] == pytest.approx(SLOPE, rel=0.02)
+    given = ("--idle", "1=0.8 A", "--sister", "1=0.21 A/kN +- 0.02 A/kN")
+    found = printed("machine", "fit", tmp_path, *given)["drives"][0]
+    assert found["anchor"]["kind"] == "sister machine"
+    assert all(one["force_mean"]["value"] > 0.0 for one in found["usage"])

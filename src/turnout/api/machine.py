@@ -66,8 +66,7 @@ def fit_machines(
     """
     return fit_dataset(
         dataset_of(campaign),
-        kind=motor,
-        saturation_current=saturation_current,
+        saturation_current=saturation_current if motor == "series" else None,
         idle=idle,
         gauges={n: Gauge(force=f, deviation=d) for n, (f, d) in (clutch_force or {}).items()},
         sisters={name: _sister(name, given) for name, given in (sister or {}).items()},

@@ -405,8 +405,7 @@ def fit_command(
 
     fit = fit_machines(
         dataset,
-        kind="series" if series else "linear",
-        saturation_current=saturation,
+        saturation_current=saturation if series else None,
         idle={name: given["idle"] for name, given in idles.items()},
         gauges={name: Gauge(**given) for name, given in gauges.items()},
         sisters={name: Sister(**given) for name, given in sisters.items()},

@@ -13,9 +13,9 @@ When the force changes, the current follows as i + a i' + a b i'' with a = J R/k
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from turnout.core.errors import MachineError
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-MotorKind = Literal["linear", "series"]
 
 STEP = 0.01
 """Movements are read so often [s]; the measuring chain averages over 0.1 s."""
@@ -60,6 +59,39 @@ LEAST_TREND = 5
 BLOCKS, SHORTEST_BLOCK = 4, 10
 """A span is cut into at least so many blocks, unless they would be shorter than so many samples:
 those of a moving average over 0.1 s repeat each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueCurve:
+    """Torque of a motor over its constant, g(i): i, or of a series motor i^2/(1 + i/i_s).
+
+    Attributes
+    ----------
+    saturation : float or None
+        i_s of a series motor, infinite without saturation; None for a constant field [A].
+    """
+
+    saturation: float | None
+
+    def torque(self, current: Any) -> Any:
+        """Return g at a current, a number or an array [A or A^2]."""
+        if self.saturation is None:
+            return current
+        return current * abs(current) / (1.0 + abs(current) / self.saturation)
+
+    def slope(self, current: float) -> float:
+        """Return dg/di [1 or A]."""
+        if self.saturation is None:
+            return 1.0
+        share = 1.0 + abs(current) / self.saturation
+        return abs(current) * (1.0 + share) / share**2
+
+    def current(self, torque: float) -> float:
+        """Return the current at which g has a value; of a series motor 0 below none [A]."""
+        if self.saturation is None:
+            return torque
+        half = 0.5 * max(torque, 0.0) / self.saturation
+        return half + math.sqrt(half**2 + max(torque, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +191,7 @@ class NotIdentified:
 def fit_load_line(
     spans: Sequence[RunningSpan],
     *,
-    kind: MotorKind = "linear",
-    saturation_current: float = math.inf,
+    saturation_current: float | None = None,
     slip_current: float = math.inf,
     cross_talk: float = 0.0,
 ) -> LoadLine | NotIdentified:
@@ -169,10 +200,8 @@ def fit_load_line(
     Parameters
     ----------
     spans : sequence of RunningSpan
-    kind : {"linear", "series"}
-        "linear" for a permanent magnet or a separate field.
-    saturation_current : float
-        Of a series motor [A].
+    saturation_current : float, optional
+        Of a series motor [A]; left out for a permanent magnet or a separate field.
     slip_current : float
         Of the drive's clutch, where it is known [A].
     cross_talk : float
@@ -201,7 +230,7 @@ def fit_load_line(
     >>> round(line.idle.value, 6), round(1e3 * line.slope.value, 6)
     (0.8, 0.2)
     """
-    shape, inverse = _shape_of(kind, saturation_current)
+    curve = TorqueCurve(saturation_current)
     used = [(span, _steady(span, BELOW_SLIP * slip_current)) for span in spans]
     if not _drives_back(used):
         used = [(span, rows & (span.load > 0.0)) for span, rows in used]
@@ -221,15 +250,15 @@ def fit_load_line(
     def sums(share: float) -> list[_Sums]:
         return _parts(
             [
-                _normal(shape(s.current), s.load - share * s.others, rows, back=back)
+                _normal(curve.torque(s.current), s.load - share * s.others, rows, back=back)
                 for s, rows in used
             ]
         )
 
     def solved(chosen: _Sums) -> tuple[Floats, Floats, float]:
         lag, coefficients, rss = _best(chosen)
-        idle = inverse(coefficients[0])
-        slope = (inverse(coefficients[0] + coefficients[1] * most) - idle) / most
+        idle = curve.current(coefficients[0])
+        slope = (curve.current(coefficients[0] + coefficients[1] * most) - idle) / most
         return np.array([idle, slope, *coefficients[2:]]), lag, rss
 
     parts = sums(0.0)
@@ -250,31 +279,13 @@ def fit_load_line(
         idle=found[0],
         slope=found[1],
         covariance=float((count - 1) / count * (apart[:, 0] @ apart[:, 1]) + common[0] * common[1]),
-        slope_driven_back=found[2] if back and kind == "linear" else None,
+        slope_driven_back=found[2] if back and saturation_current is None else None,
         lag=float(lag[0]),
         lag_coil=float(lag[1]),
         rms=math.sqrt(max(rss, 0.0) / max(whole.count, 1.0)),
         reference=most,
         movements=len(used),
     )
-
-
-def _shape_of(
-    kind: MotorKind, saturation_current: float
-) -> tuple[Callable[[Floats], Floats], Callable[[float], float]]:
-    """Return torque per constant as a function of the current, and the inverse."""
-    if kind == "linear":
-        return lambda i: i, lambda t: t
-    return (
-        lambda i: i * np.abs(i) / (1.0 + np.abs(i) / saturation_current),
-        lambda t: series_current(max(t, 0.0), saturation_current),
-    )
-
-
-def series_current(torque: float, saturation_current: float) -> float:
-    """Return the current at which a series motor's torque i^2/(1 + i/i_s) has a value, >= 0."""
-    half = 0.5 * torque / saturation_current
-    return half + math.sqrt(half**2 + torque)
 
 
 def _drives_back(used: Sequence[tuple[RunningSpan, Flags]]) -> bool:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from turnout.calibration.machine_estimates.current_fit import NORMAL_REACH, Estimate, series_current
+from turnout.calibration.machine_estimates.current_fit import NORMAL_REACH, Estimate, TorqueCurve
 from turnout.core.errors import MachineError
 
 AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]
@@ -66,11 +66,10 @@ class ForceAnchor:
         dF/di_0 and dF/dslope are both negative, of which the code carries the opposites: the sign
         of their product in the covariance's term is the same.
         """
-        reference, saturation = self.series or (1.0, 0.0)
-        top = self.idle + self.slope * reference
-        torques, rises = zip(
-            *(_motor_shape(i, saturation) for i in (current, self.idle, top)), strict=True
-        )
+        reference, saturation = self.series or (1.0, None)
+        curve, top = TorqueCurve(saturation), self.idle + self.slope * reference
+        torques = [curve.torque(i) for i in (current, self.idle, top)]
+        rises = [curve.slope(i) for i in (current, self.idle, top)]
         above, whole = torques[0] - torques[1], torques[2] - torques[1]
         force = reference * above / whole
         by_idle = (rises[1] * whole + above * (rises[2] - rises[1])) * reference / whole**2
@@ -84,14 +83,6 @@ class ForceAnchor:
         return Estimate(
             force, spread, force - NORMAL_REACH * spread, force + NORMAL_REACH * spread, 1
         )
-
-
-def _motor_shape(current: float, saturation: float) -> tuple[float, float]:
-    """Return what torque is proportional to, and its derivative by the current."""
-    if saturation == 0.0:
-        return current, 1.0
-    share = 1.0 + abs(current) / saturation
-    return current * abs(current) / share, abs(current) * (1.0 + share) / share**2
 
 
 def gauge_anchor(
@@ -197,12 +188,9 @@ def sister_anchor(
             raise MachineError([text], source="sister machine")
         start = idle if sister_idle is None else sister_idle
         top = start + slope * reference
-        shape, rise = _motor_shape(top, saturation_current)
-        torque = shape - _motor_shape(start, saturation_current)[0]
-        own_top = series_current(
-            _motor_shape(idle, saturation_current)[0] + torque, saturation_current
-        )
-        spread *= rise / _motor_shape(own_top, saturation_current)[1]
+        curve = TorqueCurve(saturation_current)
+        own_top = curve.current(curve.torque(idle) + curve.torque(top) - curve.torque(start))
+        spread *= curve.slope(top) / curve.slope(own_top)
         slope = (own_top - idle) / reference
         series = (reference, saturation_current)
     return ForceAnchor(

@@ -18,7 +18,6 @@ from turnout.calibration.machine_estimates.current_fit import (
     ClutchTrend,
     Estimate,
     LoadLine,
-    MotorKind,
     NotIdentified,
     RunningSpan,
     SlipLevel,
@@ -196,8 +195,7 @@ class MachineFit:
 def fit_machines(
     campaign: xr.Dataset,
     *,
-    kind: MotorKind = "linear",
-    saturation_current: float = math.inf,
+    saturation_current: float | None = None,
     idle: Mapping[str, float] | None = None,
     gauges: Mapping[str, Gauge] | None = None,
     sisters: Mapping[str, Sister] | None = None,
@@ -209,10 +207,9 @@ def fit_machines(
     campaign : xarray.Dataset
         `drive_current` (movement, drive, time), `drive_force` likewise where measured, both
         filtered alike; coordinate `direction`; time zero at the onset.
-    kind : {"linear", "series"}
-        "linear" for a permanent magnet or a separate field.
-    saturation_current : float
-        Of a series motor [A].
+    saturation_current : float, optional
+        Of series motors [A], infinite without saturation; left out for a permanent magnet or a
+        separate field.
     idle : mapping of drive to float, optional
         Current with the rod taken off [A], for anchors of drives whose forces are not measured.
     gauges, sisters : mapping of drive to Gauge or Sister, optional
@@ -245,10 +242,9 @@ def fit_machines(
         free = [i.off - i.on for i in items if i.off - i.on <= usual[drive] + OVERRUN]
         both = [level.current for key, (_, own) in cut.items() if key[0] == drive for level in own]
         lowest = min(both, default=math.inf)
-        line = _line(spans, items, (kind, saturation_current, lowest))
-        series = saturation_current if kind == "series" else None
+        line = _line(spans, items, series=saturation_current, slip_current=lowest)
         given = (idle or {}, gauges or {}, sisters or {})
-        anchor = _anchor(drive, line, slip, *given, series=series)
+        anchor = _anchor(drive, line, slip, *given, series=saturation_current)
         known = line.idle.value if isinstance(line, LoadLine) else (idle or {}).get(drive)
         held = [level.held for level in levels if math.isfinite(level.held)]
         found.append(
@@ -298,17 +294,19 @@ def _check(campaign: xr.Dataset, given: Mapping[str, Mapping[str, object] | None
 
 
 def _line(
-    spans: Sequence[RunningSpan], items: Sequence[Ran], motor: tuple[MotorKind, float, float]
+    spans: Sequence[RunningSpan],
+    items: Sequence[Ran],
+    *,
+    series: float | None,
+    slip_current: float,
 ) -> LoadLine | NotIdentified:
     if all(item.load is None for item in items):
         return NotIdentified(reason="no force was measured at this drive")
     with_force = [s for s, item in zip(spans, items, strict=True) if item.load is not None]
-    kind, saturation, slip = motor
     return fit_load_line(
         with_force,
-        kind=kind,
-        saturation_current=saturation,
-        slip_current=slip,
+        saturation_current=series,
+        slip_current=slip_current,
         cross_talk=Uncertainty().cross_talk,
     )
 
