@@ -52,8 +52,9 @@ def test_commands_show_the_calibrated_panel(line: list[str], file: Path, tmp_pat
     assert calibration().apply(own).hash[:12] in done.output
 
 
-@pytest.mark.parametrize("quiet", [(), ("-q",)], ids=["default", "quiet"])
-@pytest.mark.parametrize("strict", [(), ("--strict",)], ids=["lenient", "strict"])
+@pytest.mark.parametrize(
+    ("strict", "quiet"), [((), ()), (("--strict",), ("-q",))], ids=["lenient", "strict and quiet"]
+)
 def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     strict: tuple[str, ...], quiet: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -66,8 +67,9 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     )
     monkeypatch.setattr("turnout.calibration.fitted_file.save_signals", lambda *_: None)
     out = tmp_path / "c.toml"
+    line = ("calibrate", tmp_path, "--panel", "sb1", "-o", out, "--workers", "1")
     made.append(known)
-    done = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet, *strict)
+    done = run(*line, *quiet, *strict)
     assert done.exit_code == (1 if strict else 0), (done.output, done.exception)
     verdict, because = done.output.strip().splitlines()[:2]
     assert verdict.split(maxsplit=1) == ["verdict", "NOT TRUSTWORTHY"]
@@ -78,7 +80,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
     assert shown.exit_code == 0
     assert "is not trustworthy: model error 214 N" in shown.stderr
     made.append(calibration())
-    good = run("calibrate", tmp_path, "--panel", "sb1", "-o", out, *quiet)
+    good = run(*line, *quiet)
     assert good.exit_code == 0
     assert "TRUSTED" not in good.output
     first = good.output.partition("\n")[0]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from turnout.core.errors import PanelError
-from turnout.panel.check import checks_that_read
+from turnout.panel.check import reads_of_checks
 from turnout.panel.compiled_keys import CompiledKeys
 from turnout.panel.load import LoadedPanel, load_panel
 
@@ -113,7 +113,7 @@ def test_texts_are_read_with_the_whole_document() -> None:
 def test_checks_that_read_a_field_are_found(field: tuple[str, str], tables: list[str]) -> None:
     """Also through what is derived from it, as `has_stock_rail` is from `fit_gap`."""
     panel = load_panel("uic60-760-1-15").with_overrides({"lock.rule": "raw gap"})
-    found = checks_that_read({field}, panel.__dict__, {})
+    found = [name for name, read in reads_of_checks(panel.__dict__).items() if field in read]
     assert sorted({name.partition(" ")[0] for name in found}) == tables
 
 

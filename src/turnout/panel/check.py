@@ -8,7 +8,7 @@ has those of single records by their table, `BETWEEN` the others.
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, partial
 from typing import Any
 
@@ -173,30 +173,24 @@ def check(draft: Draft, *, only: Iterable[str] | None = None) -> list[Problem]:
     return [_shared(draft, problem) for problem in found]
 
 
-def checks_that_read(
-    changed: Set[Field], records: Mapping[str, Any], given: Mapping[str, object]
-) -> tuple[str, ...]:
-    """Return the names of the checks of a valid panel that read what changes, in their order.
+def reads_of_checks(records: Mapping[str, Any]) -> dict[str, frozenset[Field]]:
+    """Return families and fields that each check of a valid panel reads, by name, in their order.
 
     Parameters
     ----------
-    changed : set of (str, str)
-        Families and fields, of which a value may change.
     records : mapping of str to object
-        Value by field name of `Panel`.
-    given : mapping of str to object
-        What overrides set, by dotted place.
+        Value by field name of `Panel`. Nothing counts as set by overrides, since what is set can
+        make a check read less, never more.
     """
     noted = NotedRecords(records)
     names = {name: tuple(records[name]) for name in FAMILIES}
-    found = []
+    found = {}
     for name, of_name in _all_checks().items():
         noted.read.clear()
-        for _ in of_name(Draft(records=noted, names=names, given=given)):
+        for _ in of_name(Draft(records=noted, names=names)):
             pass  # what it finds is found again when values are set
-        if not noted.read.isdisjoint(changed):
-            found.append(name)
-    return tuple(found)
+        found[name] = frozenset(noted.read)
+    return found
 
 
 @cache

@@ -6,14 +6,14 @@ other records and makes these checks alone. It is only ever accepted here: whate
 to the reading of the whole document, which says what it is.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from turnout.core.keys import Path, put
-from turnout.panel.check import check, checks_that_read
+from turnout.panel.check import check
 from turnout.panel.document import Document
 from turnout.panel.matrices import check_matrices
 from turnout.panel.model import FAMILIES, Panel
@@ -169,6 +169,7 @@ def compile_keys(
     document: Document,
     own: Mapping[str, object],
     keys: tuple[str, ...],
+    reads: Mapping[str, Set[tuple[str, str]]],
 ) -> CompiledKeys | None:
     """Compile keys of a valid panel.
 
@@ -182,6 +183,8 @@ def compile_keys(
         Its overrides.
     keys : tuple of str
         In the order in which their values are given.
+    reads : mapping of str to set of (str, str)
+        Families and fields that each check reads.
 
     Returns
     -------
@@ -227,7 +230,7 @@ def compile_keys(
             for name, values in plain.items()
         ),
         members=members,
-        checks=checks_that_read(changed, panel.__dict__, given),
+        checks=tuple(name for name, read in reads.items() if not read.isdisjoint(changed)),
         given=given,
         names={name: tuple(getattr(panel, name)) for name in FAMILIES},
     )

@@ -19,7 +19,7 @@ from turnout.core.library import names_a_file, names_in_library, open_toml, text
 from turnout.core.problems import Problem, choices
 from turnout.core.provenance import content_hash
 from turnout.core.toml import Origin, TomlFile
-from turnout.panel.check import check
+from turnout.panel.check import check, reads_of_checks
 from turnout.panel.compiled_keys import CompiledKeys, compile_keys
 from turnout.panel.document import Document, expand
 from turnout.panel.gauge_limits import has_default_limits, with_gauge_limits
@@ -127,7 +127,7 @@ class _PendingDocument:
 
 
 class _Own:
-    """Results that belong to one panel: its keys compiled, and hashes of parts of it.
+    """Results that belong to one panel: its keys compiled, what its checks read, and hashes.
 
     A copy of the panel has none, and makes its own.
     """
@@ -135,6 +135,7 @@ class _Own:
     def __init__(self) -> None:
         self.compiled: dict[tuple[str, ...], CompiledKeys | None] = {}
         self.digests: dict[frozenset[tuple[str, str]], str] = {}
+        self.reads: dict[str, frozenset[tuple[str, str]]] = {}
 
     def __deepcopy__(self, memo: object) -> "_Own":
         return _Own()
@@ -310,7 +311,8 @@ class LoadedPanel(Panel):
         """Return keys compiled for this panel, or None if they cannot be."""
         known = self._own.compiled
         if keys not in known:
-            made = compile_keys(self, self.document, self._overrides, keys)
+            reads = self._own.reads = self._own.reads or reads_of_checks(self.__dict__)
+            made = compile_keys(self, self.document, self._overrides, keys, reads)
             if len(known) >= MOST_COMPILED:
                 known.clear()
             known[keys] = made
