@@ -15,6 +15,7 @@ they are in machine code is in `turnout.kernels.lane_code`.
 """
 
 import math
+from ctypes import addressof, c_char
 from fractions import Fraction
 from typing import TypeVar
 
@@ -59,8 +60,15 @@ def empty_in_lines(*shape: int) -> Floats:
     """Return uninitialised floats that begin at a cache line and end with one."""
     count = math.prod(shape)
     memory = np.empty(whole_lines(count) + LANES)
-    first = -(memory.__array_interface__["data"][0] // 8) % LANES
+    first = -(addressof(c_char.from_buffer(memory.data)) // 8) % LANES
     return memory[first : first + count].reshape(shape)
+
+
+def copy_in_lines(values: Floats) -> Floats:
+    """Return a copy of floats that begins at a cache line and ends with one."""
+    found = empty_in_lines(*values.shape)
+    found[:] = values
+    return found
 
 
 def load(values: Floats, at: int) -> Floats:

@@ -55,9 +55,8 @@ def is_off_node(panel: Panel, item: PlacedObject) -> bool:
         *(panel.chair, panel.sleeper, panel.drive, panel.stop, panel.stud, panel.fastening),
         *(panel.link, panel.back_drive, panel.sensor, panel.stock_fastening),
     )
-    return not any(
-        abs(place.x - x) < AT_A_PLACE for family in families for place in family.values()
-    )
+    low, high = x - AT_A_PLACE, x + AT_A_PLACE
+    return not [at for family in families for at in family.values() if low < at.x < high]
 
 
 def offnode_row(nodes: Floats, *, x: float, z: float, direction: str = "uy") -> tuple[Ints, Floats]:
@@ -84,9 +83,10 @@ def offnode_row(nodes: Floats, *, x: float, z: float, direction: str = "uy") -> 
     >>> at.tolist(), weights.tolist()
     ([1, 5, 7, 11, 3, 9], [0.5, 0.125, 0.5, -0.125, -0.1, -0.1])
     """
-    left = int(np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2))
-    length = nodes[left + 1] - nodes[left]
-    s = (x - nodes[left]) / length
+    left = min(max(int(nodes.searchsorted(x, side="right")) - 1, 0), nodes.size - 2)
+    start, end = nodes[left : left + 2].tolist()
+    length = end - start
+    s = (x - start) / length
     r = 1.0 - s
     first, second = PER_NODE * left, PER_NODE * (left + 1)
     shift, turn, slope = CUBIC[direction]

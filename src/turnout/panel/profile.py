@@ -51,9 +51,10 @@ class Spline:
         """Return the values at places, shape (..., ...); beyond the ends the last cubic goes on."""
         places = np.asarray(x, dtype=np.float64)
         last = self.knots.size - 2
-        at = np.clip(np.searchsorted(self.knots, places, side="right") - 1, 0, last)
-        length = self.knots[at + 1] - self.knots[at]
-        share = (places - self.knots[at]) / length
+        at = np.minimum(np.maximum(self.knots.searchsorted(places, side="right") - 1, 0), last)
+        start = self.knots[at]
+        length = self.knots[at + 1] - start
+        share = (places - start) / length
         own = (..., *(np.newaxis,) * (self.values.ndim - 1))
         s, h = share[own], length[own]
         rest = 1.0 - s
@@ -205,12 +206,22 @@ def contact_height(panel: Panel, rail: str, x: FloatArray) -> FloatArray:
         [m] above the reference line.
     """
     stops = [*panel.stop.values(), *panel.stud.values()]
-    found = sorted((s.x, s.height) for s in stops if s.rails is None or rail in s.rails)
+    found = sorted([(s.x, s.height) for s in stops if s.rails is None or rail in s.rails])
     if not found:
         return np.full(np.shape(x), panel.object_defaults.height)
-    places, heights = np.array(found).T
-    height: FloatArray = np.interp(x, places, heights)
-    return height
+    places = np.asarray(x, dtype=np.float64)
+    return _height_between(tuple(found), places.shape, places.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _height_between(
+    points: tuple[tuple[float, float], ...], shape: tuple[int, ...], x: bytes
+) -> FloatArray:
+    """Return heights linear between some points, read-only, as throws share them."""
+    places, heights = np.array(points).T
+    found: FloatArray = np.interp(np.frombuffer(x).reshape(shape), places, heights)
+    found.flags.writeable = False
+    return found
 
 
 def running_edge_distance(edge: RunningEdge, x: npt.ArrayLike) -> FloatArray:

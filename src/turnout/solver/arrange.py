@@ -35,7 +35,13 @@ from turnout.solver.levels import Frame, Templates, clear_levels
 from turnout.solver.modal import ModalModel
 from turnout.solver.numbering import PLACED, Places, number_places, place_laws
 from turnout.solver.scratch import release_buffers
-from turnout.solver.system import System, check_normals, condensed_system, refill_system
+from turnout.solver.system import (
+    System,
+    check_normals,
+    condensed_system,
+    move_added_ends,
+    refill_system,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -212,7 +218,7 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
         known = system is not layout.system
         rails.frames[joined] = frame = Frame(system, layout.places, layout.templates)
     else:
-        system = refill_system(frame.system, parts, laws, frame.places)
+        system = move_added_ends(frame.system, parts, laws, frame.places)
     row_stiffness = sum_at_rows(laws, folded_stiffness(laws), mechanism.n_rows)
     row_stiffness.flags.writeable = False  # throws share it
     condensed = CondensedRails(

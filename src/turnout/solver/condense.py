@@ -191,7 +191,6 @@ def _smooth_model(
     model = model_of(
         low[:count],
         flexibility,
-        eigenvalues=eigh(stiffness, eigvals_only=True),
         stiffness=stiffness,
         damping=damping,
         load=weight * low[count],
@@ -353,9 +352,8 @@ def _of_block(
 
 def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalModel:
     """Return the modal model of a mechanism of `n` coordinates and `n_rows` rows."""
-    modes = np.cumsum([0, *(part.model.eigenvalues.size for part in parts)])
+    modes = np.cumsum([0, *(part.model.load.size for part in parts)])
     whole = ModalModel(
-        eigenvalues=np.concatenate([part.model.eigenvalues for part in parts]),
         stiffness=np.zeros((modes[-1], modes[-1])),
         damping=np.zeros((modes[-1], modes[-1])),
         modes=np.zeros((n, modes[-1])),

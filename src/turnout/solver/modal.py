@@ -37,9 +37,6 @@ class ModalModel:
 
     Attributes
     ----------
-    eigenvalues : ndarray, shape (n_modes,)
-        Squared angular frequencies of the kept modes [1/s2]; not those of single columns of
-        `modes` after `diagonalise_damping`.
     stiffness, damping : ndarray, shape (n_modes, n_modes)
         In the columns of `modes` [1/s2, 1/s]; at most one of the two is not diagonal, see
         `diagonalise_damping`.
@@ -59,7 +56,6 @@ class ModalModel:
         The same at the rows [m].
     """
 
-    eigenvalues: Floats
     stiffness: Floats
     damping: Floats
     modes: Floats
@@ -69,6 +65,17 @@ class ModalModel:
     load: Floats
     residual_load: Floats
     row_load: Floats
+
+    @property
+    def eigenvalues(self) -> Floats:
+        """Squared angular frequencies of the kept modes, shape (n_modes,) [1/s2].
+
+        Those of single columns of `modes` where the stiffness is diagonal, else rising.
+        """
+        own = np.diagonal(self.stiffness)
+        if np.count_nonzero(self.stiffness) == np.count_nonzero(own):
+            return own
+        return np.asarray(np.linalg.eigvalsh(self.stiffness), dtype=np.float64)
 
     @property
     def frequencies(self) -> Floats:
@@ -158,7 +165,6 @@ def split_modes(
     model = model_of(
         low,
         omitted.flexibility,
-        eigenvalues=eigenvalues[:kept].copy(),
         stiffness=np.diag(eigenvalues[:kept]),
         damping=low.T @ damping @ low,
         load=low.T @ load,
@@ -221,7 +227,6 @@ def split_modes_near(
     model = model_of(
         low,
         flexibility,
-        eigenvalues=eigenvalues,
         stiffness=np.diag(eigenvalues),
         damping=low.T @ damping @ low,
         load=low.T @ load,
@@ -260,7 +265,6 @@ def model_of(
     low: Floats,
     flexibility: Floats,
     *,
-    eigenvalues: Floats,
     stiffness: Floats,
     damping: Floats,
     load: Floats,
@@ -275,7 +279,7 @@ def model_of(
         Shapes of the kept modes [1/sqrt(kg)].
     flexibility : ndarray, shape (n_dof, n_dof)
         That of all others [m/N].
-    eigenvalues, stiffness, damping, load, residual_load
+    stiffness, damping, load, residual_load
         As of `ModalModel`.
     rows : ndarray or csr_array, shape (n_rows, n_dof)
         Rows along which forces act and displacements are read.
@@ -283,7 +287,6 @@ def model_of(
     of_rows = _sparse(rows)
     residual_shapes = (of_rows @ flexibility).T
     return ModalModel(
-        eigenvalues=eigenvalues,
         stiffness=stiffness,
         damping=damping,
         modes=np.ascontiguousarray(low),
@@ -423,7 +426,6 @@ def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalMode
     eigenvalues[eigenvalues < RIGID * eigenvalues[-1]] = 0.0
     none = np.zeros((0, eigenvalues.size))
     return ModalModel(
-        eigenvalues=eigenvalues,
         stiffness=np.diag(eigenvalues),
         damping=shapes.T @ damping @ shapes,
         modes=shapes,

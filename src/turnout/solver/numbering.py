@@ -82,7 +82,7 @@ def number_places(parts: Sequence[BlockModel]) -> Places:
     """
     leading = np.array([part.leading.leaders.size for part in parts])
     ends = np.array([part.block.rows.size for part in parts])
-    mode_start = _cumulate([part.model.eigenvalues.size for part in parts])
+    mode_start = _cumulate([part.model.load.size for part in parts])
     end_start = _cumulate(whole_lines(leading + np.diff(mode_start)))
     follower_start = end_start[-1] + _cumulate(ends - leading)
     follower_start[-1] = whole_lines(follower_start[-1:])[0]

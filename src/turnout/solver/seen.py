@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
@@ -142,17 +143,12 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights
         return kept[0]
     count = seen.load.size
     width = int(whole_lines(count))
-    stored, mode, law, friction = (
-        _listed(weights, width)
-        for weights in (
-            seen.stored,
-            seen.modes,
-            -seen.shapes[:, laws.row],
-            -seen.shapes[:, laws.friction_row],
-        )
-    )
+    seen_load, forces = np.zeros(width), -seen.shapes
+    seen_load[:count] = seen.load
+    stored, mode = _listed(seen.stored, None, width), _listed(seen.modes, None, width)
+    law, friction = _listed(forces, laws.row, width), _listed(forces, laws.friction_row, width)
     made = SeenWeights(
-        np.pad(seen.load, (0, width - count)),
+        seen_load,
         as_unsigned(row_place[stored[0]].astype(np.int64)),
         stored[1],
         *mode,
@@ -166,13 +162,18 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights
     return made
 
 
-def _listed(weights: Floats, width: int) -> tuple[Ints, Floats]:
-    """Return which columns have a weight, and these as padded rows; both fill whole cache lines."""
-    used = np.flatnonzero(weights.any(axis=0))
+def _listed(weights: Floats, of: Ints | None, width: int) -> tuple[Ints, Floats]:
+    """Return which columns have a weight, and these as padded rows; both fill whole cache lines.
+
+    With `of` those of these columns in its order.
+    """
+    carries: NDArray[np.bool_] = np.asarray(weights.any(axis=0))
+    used = np.flatnonzero(carries if of is None else carries[of])
     count = int(whole_lines(used.size))
-    rows = zeros_in_lines(count, width)
-    rows[: used.size, : weights.shape[0]] = weights[:, used].T
-    return as_unsigned(np.pad(used, (0, count - used.size))), rows
+    rows, listed = zeros_in_lines(count, width), np.zeros(count, dtype=np.int64)
+    rows[: used.size, : weights.shape[0]] = weights.T[used if of is None else of[used]]
+    listed[: used.size] = used
+    return as_unsigned(listed), rows
 
 
 @compiled

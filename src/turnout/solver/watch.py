@@ -187,13 +187,13 @@ def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
 
 # Throws that share rails share what their records hold before they begin. It is named by identity,
 # and kept beside so that nothing else takes its place.
-_templates = LRUCache[tuple[StepRecord, object]](128)  # some 2 kB each
+_templates = LRUCache[tuple[StepRecord | None, object]](128)  # some 2 kB each
 
 
 def watched_record(
     arrays: dict[str, NDArray[Any]], plan: WatchPlan, weights: SeenWeights
 ) -> StepRecord:
-    """Return the record of a watched run, copied from one of the same plan and weights.
+    """Return the record of a watched run, copied from one of the same plan if there are more.
 
     Parameters
     ----------
@@ -211,19 +211,21 @@ def watched_record(
     shared["places"] = plan.places
     key = (id(weights), plan.counts, tuple(plan.watch.laws))
     kept = _templates.get(key)
-    if kept is None:
-        nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
-        template = StepRecord(
-            **nothing,
-            **weights._asdict(),
-            residual=np.zeros(1),
-            places=plan.places,
-            given=np.array(plan.counts),
-            watched=np.asarray(plan.watch.laws, dtype=np.int64),
-            picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
-        )
-        kept = _templates.put(key, (shared_record(template), weights))
-    return clone_record(kept[0], **arrays, **shared)
+    if kept is not None and kept[0] is not None:
+        return clone_record(kept[0], **arrays, **shared)
+    nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
+    template = StepRecord(
+        **(arrays if kept is None else nothing),
+        **weights._asdict(),
+        residual=np.zeros(1),
+        places=plan.places,
+        given=np.array(plan.counts),
+        watched=np.asarray(plan.watch.laws, dtype=np.int64),
+        picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
+    )
+    made = shared_record(template)
+    _templates.put(key, (None if kept is None else made, weights))
+    return made if kept is None else clone_record(made, **arrays, **shared)
 
 
 def trim_watched(

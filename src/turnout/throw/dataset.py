@@ -270,7 +270,7 @@ def describe_run(
         "halved_steps": history.halved,
         "wall_time": wall_time,
         "solver_time": solver_time,
-        "modes": history.model.eigenvalues.size,
+        "modes": history.model.load.size,
         "highest_mode_frequency": float(history.model.frequencies[-1]),
         "superelements": superelements,
         "energy_scale": outcome.energy_scale

@@ -209,7 +209,7 @@ def _distances_directly(
 ) -> "dict[str, LeastDistance]":
     """Return the least of each distance by the displacements of its rails at the ends."""
     history, blocks = motion.history, motion.condensed.parts
-    first = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
+    first = np.cumsum([0, *(part.model.load.size for part in blocks)])
     moved = dict[tuple[str, int], Floats]()
 
     def displaced(body: RailBody, at: int) -> Floats:
@@ -456,7 +456,7 @@ def _rail_columns(
 ) -> tuple[Floats, _Columns, _Columns]:
     """Return start, columns of modes and columns of rows of the distance along a rail."""
     blocks = motion.condensed.parts
-    ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
+    ends = np.cumsum([0, *(part.model.load.size for part in blocks)])
     modes, rows = list[_Columns](), list[_Columns]()
     for number, own, weights in bounds:
         part = blocks[number].before or blocks[number]

@@ -41,7 +41,6 @@ GapPlace = tuple[str, Floats, Floats]
 # that nothing else takes its place.
 _rows = LRUCache[tuple[list[Floats], list[object]]](64)
 _watched = LRUCache[tuple[SeenRows, list[object]]](128)
-_heights = LRUCache[tuple[list[Floats], list[object]]](64)
 _places = LRUCache[tuple[list[GapPlace], list[object]]](64)
 
 
@@ -50,17 +49,6 @@ def _frozen(values: ArrayLike) -> Floats:
     array = np.asarray(values, dtype=np.float64)
     array.flags.writeable = False
     return array
-
-
-def _contact_heights(panel: Panel, x: Floats) -> list[Floats]:
-    """Return `contact_height` at some places for each rail, found once for throws that share it."""
-    named = [panel.rail, panel.stop, panel.stud, panel.object_defaults]
-    key = (*map(id, named), x.tobytes())
-    kept = _heights.get(key)
-    if kept is None:
-        heights = [_frozen(contact_height(panel, name, x)) for name in panel.rail]
-        kept = _heights.put(key, (heights, named))
-    return kept[0]
 
 
 def stock_gap(panel: Panel, motion: CondensedShapes, rail: str, x: Floats) -> Floats:
@@ -85,8 +73,8 @@ def shape_block(panel: Panel, motion: Motion, x: Floats) -> RowBlock:
         "lateral_displacement", positive in +y, and "gap" [m]; NaN beyond a rail.
     """
     moved, open_distances = list[OutputRows](), list[OutputRows]()
-    for name, height in zip(panel.rail, _contact_heights(panel, x), strict=True):
-        start, parts = gap_rows(panel, motion, name, x, height)
+    for name in panel.rail:
+        start, parts = gap_rows(panel, motion, name, x, contact_height(panel, name, x))
         towards = row_terms(motion, parts[:1])
         less = row_terms(motion, parts) if parts[1:] else towards
         moved.append(output_rows(motion, towards, sign=SIDE[panel.rail[name].closes]))

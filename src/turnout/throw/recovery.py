@@ -207,12 +207,13 @@ def _stored_share(
     motion: CondensedShapes, core: Sequence[BlockModel], parts: Parts
 ) -> tuple[Floats, Parts]:
     """Return the weights of stored displacements, and the remainder of the rows."""
-    usable = np.unique(np.concatenate([part.block.rows for part in core]))
     named = [motion.rows, *(rows for _, rows in parts)]
-    key = (*map(id, named), *(body.first for body, _ in parts), usable.size)
+    counts = (part.block.rows.size for part in core)
+    key = (*map(id, named), *(body.first for body, _ in parts), *counts)
     kept = _shares.get(key)
     if kept is not None:
         return kept[:2]
+    usable = np.unique(np.concatenate([part.block.rows for part in core]))
     stored, rails = stored_rows(motion.rows, usable), tuple(motion.rails.values())
     wanted = np.zeros((parts[0][1].shape[0], motion.rows.shape[1]))
     for body, rows in parts:
@@ -229,7 +230,7 @@ def _stored_share(
 
 def _terms_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> RowTerms:
     """Return rows in terms of blocks to which nothing was added."""
-    ends = np.cumsum([0, *(part.model.eigenvalues.size for part in blocks)])
+    ends = np.cumsum([0, *(part.model.load.size for part in blocks)])
     count = parts[0][1].shape[0]
     modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
     for body, rows in parts:
