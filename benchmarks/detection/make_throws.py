@@ -29,7 +29,8 @@ from benchmarks.detection.definition import (
 )
 from benchmarks.detection.switch_throws import SwitchThrows, throws_of_switch
 from turnout.core.errors import FileError
-from turnout.core.files import atomic_path, make_folder, write_atomic
+from turnout.core.files import atomic_path, write_atomic
+from turnout.core.kept_lines import claim_for
 from turnout.core.provenance import version
 from turnout.core.workers import Workers
 from turnout.detection.conditions import SIMULATED
@@ -88,7 +89,8 @@ def make_throws(
         When the folder is that of another benchmark.
     """
     digest = definition_digest(counts)
-    claim_folder(folder, digest, counts)
+    about = {"benchmark": VERSION, "digest": digest, "counts": asdict(counts)}
+    claim_for(folder, DEFINITION, about | {"turnout": version()}, what="benchmark")
     whole = folder / THROWS
     if whole.exists():
         return whole
@@ -106,29 +108,6 @@ def make_throws(
     if report is not None:
         report(len(switches), len(switches))
     return whole
-
-
-def claim_folder(folder: Path, digest: str, counts: Counts) -> None:
-    """Write the definition into a folder, or refuse one with other contents."""
-    path = folder / DEFINITION
-    if path.exists():
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))["digest"]
-        except (OSError, ValueError, KeyError, TypeError):
-            found = "unknown"
-        if found != digest:
-            message = (
-                f"{folder}: holds another benchmark (definition {str(found)[:12]}, this is "
-                f"{digest[:12]}); give an empty folder, or the preset and version it was made with"
-            )
-            raise FileError(message)
-        return
-    if folder.exists() and any(folder.iterdir()):
-        message = f"{folder}: is not empty and holds no benchmark; give an empty or a new folder"
-        raise FileError(message)
-    make_folder(folder)
-    about = {"benchmark": VERSION, "digest": digest, "counts": asdict(counts)}
-    write_atomic(path, json.dumps(about | {"turnout": version()}, indent=1) + "\n")
 
 
 def _throw_switch(switch: Switch, counts: Counts, path: Path, *, workers: Workers) -> None:

@@ -184,7 +184,7 @@ def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path
     ]
 
     other = replace(toy, seed=5)
-    with pytest.raises(FileError, match="other facts or ranges"):
+    with pytest.raises(FileError, match="holds another matching"):
         match_panel(other, tmp_path / "whole", count=10)
 
     path = tmp_path / "some.toml"

@@ -20,7 +20,6 @@ from benchmarks.detection.definition import (
     definition_digest,
     switches_of,
 )
-from benchmarks.detection.make_throws import claim_folder
 from benchmarks.detection.method import judged_of
 from benchmarks.detection.metrics import clustered_rate, detectable, roc_curve, weighted_a90
 from benchmarks.detection.minirocket import fit_minirocket
@@ -45,6 +44,7 @@ from scipy.stats import norm
 from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
 
 from turnout.core.errors import FileError, StudyError
+from turnout.core.kept_lines import claim_for
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training_plan import Population
 
@@ -104,12 +104,12 @@ def test_counts_without_throws_are_refused_together() -> None:
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(FileError, match="is not empty and holds no benchmark"):
-        claim_folder(tmp_path, "digest", PRESETS["small"])
+        claim_for(tmp_path, "head.json", {"digest": "one"}, what="benchmark")
     own = tmp_path / "own"
-    claim_folder(own, "digest", PRESETS["small"])
-    claim_folder(own, "digest", PRESETS["small"])
+    for _ in range(2):
+        claim_for(own, "head.json", {"digest": "one"}, what="benchmark")
     with pytest.raises(FileError, match="holds another benchmark"):
-        claim_folder(own, "other", PRESETS["small"])
+        claim_for(own, "head.json", {"digest": "other"}, what="benchmark")
 
 
 # ---- recorder

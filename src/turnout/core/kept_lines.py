@@ -1,12 +1,13 @@
 """Records of a long job as lines of a file, each kept as soon as it is there."""
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from turnout.core.errors import FileError
-from turnout.core.files import make_folder, write_atomic, write_fault
+from turnout.core.files import is_leftover, make_folder, write_atomic, write_fault
 from turnout.core.json_files import to_plain
 
 Line = dict[str, Any]
@@ -24,25 +25,36 @@ def claim_for(folder: Path, head: str, identity: Mapping[str, Any], *, what: str
     identity : mapping
         Content of it; its "digest" is compared.
     what : str
-        What the folder may hold of others, for messages.
+        Kind of job, for messages, such as "matching".
 
     Raises
     ------
     FileError
-        When it belongs to another one, or cannot be read or made.
+        When it belongs to another one or holds something else, or cannot be read or made.
     """
     path = folder / head
     if not path.exists():
+        own = re.compile(re.escape(head))
+        there = sorted(folder.iterdir()) if folder.is_dir() else []
+        if strangers := [item.name for item in there if not is_leftover(item, of=own)]:
+            message = (
+                f"{folder}: is not empty and holds no {what} ({strangers[0]} is there); "
+                "name another folder"
+            )
+            raise FileError(message)
         make_folder(folder)
         write_atomic(path, json.dumps(identity, indent=1, ensure_ascii=False) + "\n")
         return
     try:
-        digest = json.loads(path.read_text(encoding="utf-8")).get("digest")
+        digest = str(json.loads(path.read_text(encoding="utf-8")).get("digest"))
     except (OSError, ValueError, AttributeError) as error:
         message = f"{path}: cannot be read ({error}); name another folder"
         raise FileError(message) from None
     if digest != identity["digest"]:
-        message = f"{folder}: holds {what}; name another folder"
+        message = (
+            f"{folder}: holds another {what} (digest {digest[:12]}, this is "
+            f"{identity['digest'][:12]}); name another folder"
+        )
         raise FileError(message)
 
 

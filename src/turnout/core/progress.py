@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 
@@ -32,11 +32,16 @@ class Progress:
 
 Report = Callable[[Progress], None]
 
+FAR_ABOVE = 1.5
+"""Batches that take more than this times the least are not usual."""
+
 
 class Pace:
     """Counts throws of several kinds, and expects those left to take as long as others of theirs.
 
-    A kind of which there is none yet is expected to take as long as those that are known.
+    A kind of which there is none yet is expected to take as long as those that are known. The first
+    ones of each process, for which it reduces rails, take several times as long as others, and are
+    not taken for usual; nor is the time until the first began to be made.
 
     Parameters
     ----------
@@ -47,10 +52,10 @@ class Pace:
     def __init__(self, report: Report | None = None) -> None:
         self._report = report
         self._rest, self._later = Counter[str](), Counter[str]()
-        self._costs: dict[str, float] = {}
+        self._costs: dict[str, list[float]] = {}
         self._there, self._made, self._failed, self._work = 0, 0, 0, 0.0
         self._stage = ""
-        self._began = time.monotonic()
+        self._began = self._counted = time.monotonic()
 
     def plan(self, kind: str, throws: int) -> None:
         """Expect at least so many throws after those that were begun."""
@@ -62,7 +67,9 @@ class Pace:
         self._rest[kind] += throws - there
         self._there += there
 
-    def count(self, kind: str, throws: int = 1, *, failed: int = 0, cost: float = 1.0) -> None:
+    def count(
+        self, kind: str, throws: int = 1, *, failed: int = 0, cost: float | None = None
+    ) -> None:
         """Count throws that are done, and report.
 
         Parameters
@@ -71,14 +78,19 @@ class Pace:
             One that was begun.
         throws, failed : int
             All of them, and those that failed.
-        cost : float
-            Of all of them: their time [s], or any other measure of it.
+        cost : float, optional
+            Time that all of them took where they were made [s]; by default each takes as long.
         """
+        self._counted = time.monotonic()
+        if cost is None:
+            cost = float(throws)
+        elif not self._made:
+            self._began = max(self._began, self._counted - cost)
         self._rest[kind] -= throws
         self._made += throws
         self._failed += failed
         self._work += cost
-        self._costs[kind] = cost / max(throws, 1)
+        self._costs.setdefault(kind, []).append(cost / max(throws, 1))
         self._stage = kind
         self.emit()
 
@@ -89,13 +101,23 @@ class Pace:
 
     def progress(self) -> Progress:
         """Return the progress so far."""
-        passed = max(time.monotonic() - self._began, 1e-9)
+        now = time.monotonic()
+        passed = max(now - self._began, 1e-9)
         rest = +(self._rest + self._later)
         left = 0.0 if not rest else float("inf")
         if rest and self._work:
             usual = self._work / self._made
-            work = sum(count * self._costs.get(kind, usual) for kind, count in rest.items())
-            left = passed * work / self._work
+            costs = {kind: _usual(found) for kind, found in self._costs.items()}
+            work = sum(count * costs.get(kind, usual) for kind, count in rest.items())
+            whole = (self._counted - self._began) * work / self._work
+            left = max(whole - (now - self._counted), 0.0)
         done = self._there + self._made
         total = done + rest.total()
         return Progress(done, self._failed, total, self._made / passed, left, self._stage)
+
+
+def _usual(costs: Sequence[float]) -> float:
+    """Return the mean of costs that are not far above the least."""
+    least = min(costs)
+    usual = [cost for cost in costs if cost <= FAR_ABOVE * least]
+    return sum(usual) / len(usual)

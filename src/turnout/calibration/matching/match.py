@@ -342,7 +342,7 @@ def match_panel(
     """
     names = [item.name for item in facts.parameters] + [item.name for item in facts.facts]
     identity = {"name": facts.name, "digest": facts.digest, "columns": names}
-    claim_for(folder, HEAD, identity, what="a matching of other facts or ranges")
+    claim_for(folder, HEAD, identity, what="matching")
     tried = _read(folder, facts)
     pace, wave = Pace(report), 0
     with panel_workers(facts, workers) as processes:

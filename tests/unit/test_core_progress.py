@@ -1,0 +1,45 @@
+"""Time left of many throws, by a clock of its own."""
+
+import heapq
+from types import SimpleNamespace
+
+import pytest
+
+from turnout.core import progress
+from turnout.core.progress import Pace, Progress
+
+START, FIRST, BATCHES, WORKERS = 6.0, 3.0, 30, 2
+"""Until the first throw is begun, what the first batch of a process takes more, [s]; batches."""
+
+
+@pytest.mark.parametrize("cost", [1.0, 4.0])
+def test_the_whole_time_is_known_from_the_second_batch_of_each_process(
+    monkeypatch: pytest.MonkeyPatch, cost: float
+) -> None:
+    now, told = [0.0], list[Progress]()
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    pace = Pace(told.append)
+    pace.begin("throws", 10 * BATCHES)
+    busy = [(START + FIRST + cost, FIRST + cost) for _ in range(WORKERS)]
+    ends = list[float]()
+    while busy:
+        now[0], took = heapq.heappop(busy)
+        pace.count("throws", 10, cost=took)
+        ends.append(now[0])
+        if len(ends) + len(busy) < BATCHES:
+            heapq.heappush(busy, (now[0] + cost, cost))
+    whole = [end + state.left for end, state in zip(ends, told, strict=True)]
+    assert whole[2 * WORKERS - 1 :] == pytest.approx([ends[-1]] * (BATCHES - 3), rel=0.15)
+    assert told[-1].left == 0.0
+
+
+def test_time_left_goes_on_between_batches(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    pace = Pace()
+    pace.begin("throws", 40)
+    for now[0] in (10.0, 20.0):
+        pace.count("throws", 10, cost=10.0)
+    assert pace.progress().left == pytest.approx(20.0)
+    now[0] = 25.0
+    assert pace.progress().left == pytest.approx(15.0)
