@@ -188,6 +188,17 @@ def test_a_constant_load_tells_no_resistance() -> None:
     assert isinstance(found.per_volt, Estimate)
 
 
+def test_one_voltage_tells_no_slope_with_it() -> None:
+    noisy, exact = campaign(spread=0.0), campaign(spread=0.0)
+    exact["drive_voltage"][:] = 391.0
+    for data, reason in ((noisy, "somewhere from"), (exact, "the same voltage")):
+        found = fit_of(data)
+        assert isinstance(found.per_volt, NotIdentified)
+        assert reason in found.per_volt.reason
+        assert isinstance(found.current, NotIdentified)
+        assert isinstance(found.per_watt, Estimate)
+
+
 def test_losses_need_throws_with_the_rod_off() -> None:
     data = campaign(throws=40, free=6)
     bare = fit_of(data).loss

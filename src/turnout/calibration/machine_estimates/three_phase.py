@@ -670,6 +670,7 @@ def _or_not(found: Estimate) -> Estimate | NotIdentified:
 
 
 NO_POINT = NotIdentified(reason="the circuit has no such point")
+ONE_VOLTAGE = NotIdentified(reason="all throws have the same voltage; others are needed")
 
 
 def _over_throws(
@@ -685,7 +686,9 @@ def _over_throws(
     circuit = _circuit_of(fitted.values, *point)
     volts = point[0] + np.array([-1.0, 0.0, 1.0, way])
     low, middle, high, there = circuit.current_at(volts, np.full(4, point[1]))
-    if not np.isfinite([low, middle, high, there]).all() or square <= 0.0:
+    if square <= 0.0:
+        return ONE_VOLTAGE, ONE_VOLTAGE
+    if not np.isfinite([low, middle, high, there]).all():
         return NO_POINT, NO_POINT
     more = float(fitted.left @ across) / square
     rest = fitted.left - fitted.left.mean() - more * across
@@ -700,7 +703,7 @@ def _over_throws(
         count,
         common=0.5 * abs(bend),
     )
-    return current, _or_not(Estimate.of(slope + more, of_slope, count))
+    return _or_not(current), _or_not(Estimate.of(slope + more, of_slope, count))
 
 
 def _per_watt(fitted: _Fitted, point: tuple[float, float], count: int) -> Estimate | NotIdentified:
