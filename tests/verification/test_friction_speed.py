@@ -357,14 +357,13 @@ def test_quasi_static_mode_knows_no_speed() -> None:
 def test_a_curve_that_falls_feeds_vibration_of_a_panel_and_grease_takes_it() -> None:
     """Without the slope every one of these states is as calm as a constant coefficient."""
     rates = []
-    for name in ("greased", "sound", "dry"):
+    for name in ("greased", "dry"):
         panel = PANEL.with_overrides({"chair.friction_state": name})
         found = friction_stability(panel, cutoff_frequency=50.0, follow_speed=True)
         rates.append(found.worst.growth_rate)
     assert 0.0 < rates[0] < 0.2  # a swing grows by a quarter in a movement at most
-    assert rates[1] > 3.0  # and by e in a third of a second
-    assert rates[2] > 10 * rates[1]
-    level = friction_stability(panel, cutoff_frequency=50.0)
-    assert level.stable
-    constant = friction_stability(PANEL, cutoff_frequency=50.0, follow_speed=True)
-    assert constant.cases == friction_stability(PANEL, cutoff_frequency=50.0).cases
+    assert rates[1] > 30.0  # and by e in a thirtieth of a second
+    assert friction_stability(panel, cutoff_frequency=50.0).stable
+    constant = load_panel("sb1")
+    found = friction_stability(constant, cutoff_frequency=50.0, follow_speed=True)
+    assert found.cases == friction_stability(constant, cutoff_frequency=50.0).cases
