@@ -4,11 +4,12 @@
 
 The recordings of `tests/unit/recording_kinds.py` and `tests/unit/recording_files.py` must come out
 right or be refused with the true reason. Folders hold public test files, such as the unpacked
-source packages of npTDMS, asammdf and comtrade; each channel that is read is compared with the
-native library of its format, where that is installed.
+source packages of npTDMS, asammdf, mat-io and pymatreader; each channel that is read is compared
+with the native library of its format, where that is installed.
 """
 
 import argparse
+import re
 import tempfile
 import time
 from collections import Counter
@@ -106,16 +107,69 @@ def comtrade_channels(path: Path) -> Native:
         yield name, np.asarray(values), np.asarray(record.time)
 
 
-def scipy_channels(path: Path) -> Native:
-    """Yield the variables of a MATLAB or netCDF 3 file by scipy, whose times are in the file."""
-    from scipy.io import loadmat, netcdf_file
+def hdf5_channels(path: Path) -> Native:
+    """Yield the numeric datasets of an HDF5 file by h5py, a matrix by its columns or rows."""
+    import h5py
 
-    if path.suffix == ".nc":
-        with netcdf_file(path, mmap=False) as file:
-            yield from ((name, item[:].copy(), None) for name, item in file.variables.items())
-        return
-    for name, values in loadmat(path).items():
-        yield name, np.ravel(values), None
+    found: dict[str, np.ndarray] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and item.ndim:
+            found[name.replace("/", ".") if path.suffix == ".mat" else name] = item[()]
+
+    with h5py.File(path) as file:
+        file.visititems(keep)
+    for name, values in found.items():
+        yield from by_columns(name, values)
+
+
+def netcdf_channels(path: Path) -> Native:
+    """Yield the variables of a netCDF 3 file by scipy."""
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, mmap=False) as file:
+        yield from ((name, item[:].copy(), None) for name, item in file.variables.items())
+
+
+def matlab_channels(path: Path) -> Native:
+    """Yield the numbers in a MATLAB file by scipy or h5py, and in its tables by mat-io."""
+    import matio
+    import pandas as pd
+    from scipy.io import loadmat
+
+    if path.read_bytes()[:10] == b"MATLAB 7.3":
+        yield from hdf5_channels(path)
+    else:
+        yield from structure("", loadmat(path, squeeze_me=True, struct_as_record=False))
+    for table in matio.load_from_mat(str(path)).values():
+        if isinstance(table, pd.DataFrame):
+            seconds = (table.index - table.index[0]) if table.index.dtype.kind in "mM" else None
+            times = None if seconds is None else seconds / pd.Timedelta(1, "s")
+            for name in table.columns:
+                yield str(name), table[name].to_numpy(), None if times is None else np.array(times)
+
+
+def structure(name: str, held: Any) -> Native:
+    """Yield the arrays of a structure by dotted names, those of a list by their numbers."""
+    if hasattr(held, "_fieldnames"):
+        held = {field: getattr(held, field) for field in held._fieldnames}
+    if isinstance(held, dict):
+        for key, item in held.items():
+            yield from structure(f"{name}.{key}" if name else key, item)
+    elif isinstance(held, np.ndarray) and held.dtype.kind == "O":
+        for number, item in enumerate(held.ravel(), start=1):
+            yield from structure(f"{name} {number}", item)
+    elif isinstance(held, np.ndarray) and held.dtype.kind in "biuf":
+        yield from by_columns(name, held)
+
+
+def by_columns(name: str, values: np.ndarray) -> Native:
+    """Yield a vector, or the columns of a matrix (the rows of one that is wider than long)."""
+    if values.size == max((*values.shape, 1)):
+        yield name, values.ravel(), None
+    elif values.ndim == 2:
+        table = values if values.shape[0] >= values.shape[1] else values.T
+        yield from ((f"{name} {n}", column, None) for n, column in enumerate(table.T, start=1))
 
 
 NATIVE: dict[str, Callable[[Path], Native]] = {
@@ -124,8 +178,9 @@ NATIVE: dict[str, Callable[[Path], Native]] = {
     ".mdf": mdf_channels,
     ".cfg": comtrade_channels,
     ".cff": comtrade_channels,
-    ".mat": scipy_channels,
-    ".nc": scipy_channels,
+    ".mat": matlab_channels,
+    ".h5": hdf5_channels,
+    ".nc": netcdf_channels,
 }
 
 
@@ -158,7 +213,11 @@ def compared(folder: Path) -> tuple[Counter[str], list[str]]:
             found["refused"] += 1
             continue
         for own in recording.channels.values():
-            alike = [v for v in native if own.name.strip().endswith(v[0].strip())]
+            name = re.sub(r" \(\d+\)\Z", "", own.name.strip())
+            named = [(re.sub(r"\s[\[(][^\])]*[\])]\Z", "", v[0].strip()), v) for v in native]
+            alike = [v for bare, v in named if bare and name.endswith((bare, v[0].strip()))]
+            # Cells of MATLAB 7.3 are named by the cell, their values by a number of the file.
+            alike = alike or [v for v in native if v[0].startswith("#refs#")]
             if not any(is_same(own, np.asarray(v), t) for _, v, t in alike):
                 differ.append(f"{path.name}: {own.name}")
             found["channels"] += 1

@@ -167,7 +167,10 @@ def _sort_columns(table: Table) -> None:
         elif cells.dtype.kind in "mM":
             table.axes[place] = moments_axis(cells)
         elif any(isinstance(cell, list | tuple | np.ndarray) for cell in cells[:3]):
-            table.curves[place] = _curves(label_of(table, place), cells)
+            try:
+                table.curves[place] = _curves(label_of(table, place), cells)
+            except TypeError as error:
+                table.problems.append(str(error))
         else:
             _sort_texts(table, place, ["" if c is None else str(c) for c in cells], dates)
     _join_dates(table, dates)
@@ -200,8 +203,8 @@ def _curves(name: str, cells: NDArray[np.generic]) -> list[Floats]:
     try:
         curves = [np.asarray(cell, dtype=np.float64) for cell in cells]
     except (TypeError, ValueError):
-        message = f"column '{name}': a list in it holds no numbers"
-        raise ValueError(message) from None
+        message = f"column '{name}' is left out: a list in it holds no numbers"
+        raise TypeError(message) from None
     if any(curve.ndim > 1 for curve in curves) or all(c.size < LEAST_CURVE for c in curves):
         message = f"column '{name}': its cells hold pairs of numbers; export a column for each"
         raise ValueError(message)

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from turnout.measurement.formats.assemble import (
     tidy_unit,
 )
 from turnout.measurement.formats.channel_table import table_columns
+from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.hdf5 import Content, read_hdf5
 from turnout.measurement.formats.mat_check import check_mat5
@@ -158,8 +159,11 @@ def _tables(
             bare, unit = split_unit(str(label))
             unit = tidy_unit(units[place]) if place < len(units) and units[place] else unit
             cells.append(TableColumn(bare, np.asarray(value[label]), unit))
-        table = Table(cells, stated_clock(single), f"{path}: '{name}'", alone=False)
-        columns += table_columns(table)
+        table = Table(cells, stated_clock(single), f"'{name}'", alone=False)
+        try:
+            columns += table_columns(table)
+        except FileError as error:
+            problems.append(f"a table is left out: {error}")
         problems += table.problems
     return columns, problems
 
@@ -248,9 +252,10 @@ def _flat(
             yield f"{path}.values", np.squeeze(fields["values"])
         elif fields is not None:
             yield from _flat(fields, f"{path}.", units, labels)
-        elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and _are_structures(value):
+        elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and not _is_texts(value):
             inner = {f"{name} {n}": item for n, item in enumerate(value.ravel(), start=1)}
-            yield from _flat(inner, prefix, units, labels)
+            held = {k: v for k, v in inner.items() if _fields(v) is not None or np.ndim(v)}
+            yield from _flat(held, prefix, units, labels)
         else:
             yield path, value
 
@@ -282,10 +287,6 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     return None
 
 
-def _are_structures(values: NDArray[Any]) -> bool:
-    return bool(values.size) and all(_fields(item) is not None for item in values.ravel())
-
-
 def _is_texts(value: object) -> bool:
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "OUS" or not value.size:
         return False
@@ -293,9 +294,10 @@ def _is_texts(value: object) -> bool:
     return all(isinstance(item, str) or np.size(item) == 0 for item in np.ravel(value))
 
 
-def _cells(texts: list[str]) -> NDArray[np.object_]:
-    cells = np.empty((len(texts), 1), dtype=object)
-    cells[:, 0] = texts
+def _cells(items: Sequence[Any]) -> NDArray[np.object_]:
+    cells = np.empty((len(items), 1), dtype=object)
+    for place, item in enumerate(items):
+        cells[place, 0] = item
     return cells
 
 
@@ -327,10 +329,7 @@ def _from_hdf5(file: h5py.File, item: Any, content: Content) -> Any:
         return "".join(chr(int(code)) for code in np.ravel(content.read(item)))
     if kind == "cell" or item.dtype.kind == "O":
         references = np.ravel(content.read(item))
-        inner = [_from_hdf5(file, file[reference], content) for reference in references]
-        return (
-            _cells([str(text) for text in inner])
-            if all(isinstance(t, str) for t in inner)
-            else None
-        )
+        if references.size > MOST_CHANNELS:
+            return None
+        return _cells([_from_hdf5(file, file[reference], content) for reference in references])
     return np.squeeze(np.asarray(content.read(item))) if item.dtype.kind in "biuf" else None

@@ -77,7 +77,10 @@ def columns_of_arrays(
     named = {name for name, a in arrays.items() if _is_time(name) or a.dtype.kind in "mM"}
     for name, vector in flat.items():
         if vector is not None and vector.dtype.kind in "mM":
-            times[name] = moments_axis(vector)
+            try:
+                times[name] = moments_axis(vector)
+            except ValueError as error:
+                problems.append(f"array '{name}' is not used as time: {error}")
         elif vector is not None and vector.size > 1 and name in named:
             if not _holds_time(name, vector, units.get(name, ""), _clock_of(name, stated)):
                 named.discard(name)

@@ -236,6 +236,9 @@ def moments_axis(values: NDArray[Any]) -> TimeAxis:
     if np.any(np.isnat(values)):
         message = f"the time of sample {int(np.argmax(np.isnat(values))) + 1} is missing"
         raise ValueError(message)
+    if np.datetime_data(values.dtype)[0] in ("Y", "M") and values.dtype.kind == "m":
+        message = "months and years are of no fixed length"
+        raise ValueError(message)
     if values.dtype.kind == "m":
         return TimeAxis(values / np.timedelta64(1, "s"))
     if not values.size:
