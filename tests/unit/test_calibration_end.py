@@ -1,18 +1,16 @@
 """The end of a fit: finer throws, the uncertainty that they leave, and slopes thrown once."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
 from turnout.calibration import evaluate
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
-from turnout.calibration.fit import Fit, _least_squares, fit
-from turnout.calibration.linearisation import Linearisation
-from turnout.calibration.misfit import Misfit, Refined
+from turnout.calibration.fit import Fit, fit
+from turnout.calibration.misfit import Refined
 from turnout.calibration.result_entries import warnings_from
 from turnout.core.errors import MeasurementError
 from turnout.core.scheme import Scheme
@@ -102,39 +100,3 @@ def test_finer_throws_have_half_the_step_and_elements_half_as_long(
     with Evaluator(panel) as evaluator:
         evaluator.responses([plain, replace(plain, quick=True), replace(plain, fine=True)])
     assert len(seen) == 6, "each kind is kept apart"
-
-
-JUMPS = 0.3
-
-
-class Rounded(MadeUp):
-    """Forces that jump by a little from value to value, as those of a solver do."""
-
-    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
-        found = []
-        for throw, made in zip(throws, super().responses(throws), strict=True):
-            rng = np.random.default_rng(int(1e4 * float(str(throw.overrides["k"]))))
-            jumps = JUMPS * rng.standard_normal(made.time.size)
-            found.append(replace(made, drive_force={"1": made.drive_force["1"] + jumps}))
-        return found
-
-
-def test_slopes_that_foretold_a_step_are_not_thrown_again_for_next_to_nothing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    rng = np.random.default_rng(7)
-    whole = misfit([movement(f"m{n}", rng=rng) for n in range(3)])
-    whole.evaluator = Rounded(load_panel("sb1"))
-    thrown: list[int] = []
-    local = Misfit.local
-
-    def counted(self: Misfit, values: dict[str, float], vary: Sequence[str]) -> Linearisation:
-        thrown.append(1)
-        return local(self, values, vary)
-
-    monkeypatch.setattr(Misfit, "local", counted)
-    near = {**TRUE, "k": 1.004 * TRUE["k"]}
-    found = _least_squares(whole, PARAMETERS, near, rough=False, on_step=None)
-    assert found.converged
-    assert len(thrown) == 1
-    assert found.values["k"] == pytest.approx(TRUE["k"], rel=1e-3)

@@ -19,7 +19,7 @@ from tests.unit.test_calibration_fit import (
 
 from turnout.calibration import evaluate
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throw_processes
-from turnout.calibration.fit import _least_squares, update_movement_effects
+from turnout.calibration.fit import update_movement_effects
 from turnout.calibration.linearisation import leaders_of
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.core.errors import SolverError
@@ -90,21 +90,6 @@ def test_slopes_foretell_responses_a_small_step_away() -> None:
     for row in moved.simulated:
         exact = response(near).drive_force["1"]
         np.testing.assert_allclose(row.drive_force["1"], exact, atol=0.02)
-
-
-def test_the_last_small_step_of_sure_slopes_is_taken_without_a_throw() -> None:
-    whole = repeats(3)
-    whole.same_slope = 0.05
-    asked = listened(whole)
-    start = {**TRUE, "k": 1.02 * TRUE["k"]}
-    found = _least_squares(whole, PARAMETERS, start, rough=False, on_step=None, min_decrease=1e-9)
-    assert found.converged
-    thrown = {value for _, value in asked}
-    assert found.values["k"] not in thrown
-    assert any(abs(value / found.values["k"] - 1.0) < 1e-3 for value in thrown)
-    # It is where the residuals of the fit say.
-    step = np.linalg.lstsq(found.jacobian, -found.residuals, rcond=None)[0]
-    assert np.abs(step).max() < 1e-5
 
 
 def test_only_movements_whose_friction_changed_are_thrown_again() -> None:

@@ -48,8 +48,6 @@ AT_ONCE = 2
 # The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
 # of that: with more noise, or with noise found again too early, it would stay where it is.
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
-# Predicted decrease of the cost for each parameter below which a thorough fit tries no step.
-THOROUGH_DECREASE = 0.1
 # How often a fit with a cause goes on where it stopped before its end.
 MOST_ROUNDS = 2
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
@@ -476,15 +474,7 @@ def _fitted_with(
     )
     if thorough:
         # What half a step of the solver moves is within the noise that causes are judged by.
-        return fit(
-            misfit,
-            vary,
-            values,
-            near=start,
-            refined=False,
-            min_decrease=THOROUGH_DECREASE,
-            on_step=on_step,
-        )
+        return fit(misfit, vary, values, near=start, refined=False, on_step=on_step)
     return brief_fit(
         misfit,
         vary,

@@ -145,16 +145,9 @@ EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
 MAX_PASSES = 4
 # Steps that the noise of the solver hides [coordinate].
 MIN_STEP = 1e-4
-# A step of a smaller predicted decrease for each parameter is not tried: it moves them by a seventh
-# of their deviations [square of a standard deviation].
-MIN_DECREASE = 0.02
-# Slopes are proved by a step whose decrease they foretold to this share [-]; a step of less than
-# this for each parameter that they promise then, and that the noise of the solver hides, needs no
-# fresh ones.
-AS_FORETOLD, LITTLE_DECREASE = 0.02, 0.4
-# A step that is predicted to save less than this is taken untried [square of a standard deviation],
-# if slopes leave less than this of it [standard deviation].
-SURE_DECREASE, SURE = 4.0, 0.1
+# A step of a smaller predicted decrease for each parameter is not tried: it moves them by a third
+# of their deviations, which planes see better [square of a standard deviation].
+MIN_DECREASE = 0.1
 # Of a fit that others follow: most steps, most rejected in a row, and the share of the cost that
 # a step must be predicted to save.
 ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.02
@@ -239,7 +232,6 @@ def fit(
     rough: bool = False,
     near: Fit | None = None,
     refined: bool = True,
-    min_decrease: float = MIN_DECREASE,
     on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit parameters to movements, and the noise and scatter to what is left over.
@@ -258,9 +250,6 @@ def fit(
         A rough fit that ended at the values: its movements' own values are gone on with.
     refined : bool
         Whether a fit that is not rough ends with shorter steps of the solver.
-    min_decrease : float
-        Predicted decrease of the cost for each parameter below which a step is not tried
-        [square of a standard deviation].
     on_step : callable, optional
         Called with the root mean square of the residuals after each step.
 
@@ -305,7 +294,6 @@ def fit(
             rough=False,
             on_step=on_step,
             local=local,
-            min_decrease=min_decrease,
         )
         iterations += found.iterations
         values, local = found.values, found.local
@@ -458,7 +446,6 @@ def _least_squares(
     rough: bool,
     on_step: Callable[[float], None] | None,
     local: Linearisation | None = None,
-    min_decrease: float = MIN_DECREASE,
     brief: int | None = None,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
@@ -466,14 +453,13 @@ def _least_squares(
     local = _local_at(misfit, values, names, local)
     damping, iterations = 1e-4, 0
     max_steps, max_rejected, passes = _limits(rough=rough, brief=brief)
-    min_decrease = len(names) * min_decrease if brief is None else BRIEF_DECREASE
-    little = LITTLE_DECREASE * len(names)
-    message, converged, fresh, proved, last = "", rough, False, False, 0.0
+    min_decrease = len(names) * MIN_DECREASE if brief is None else BRIEF_DECREASE
+    message, converged, fresh = "", rough, False
     while True:
         slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
         if local.stepped is not slopes:
-            fresh, proved, last = True, False, 0.0
+            fresh = True
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
         if on_step is not None:
@@ -491,28 +477,20 @@ def _least_squares(
                 break
             theta = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, theta)}
-            if _is_sure(last, predicted_decrease) and not rough and brief is None:
-                local = local.moved(trial, dict(zip(names, step, strict=True)))
-                r = misfit.residuals_of(local.simulated, frame)
-                message, converged = "converged", True
-                break
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
             here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
-                last = predicted_decrease
-                proved = _foretold(cost - trial_cost, predicted_decrease, little, before=proved)
                 if not rough and brief is None:
                     max_steps = max(max_steps, _extended(iterations, cost, trial_cost))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
             if np.abs(step).max() < 10 * MIN_STEP:
                 message, converged = "converged to the noise of the solver", True
-                fresh = fresh or (proved and predicted_decrease < little)
                 break
         if not accepted:
             if rejected and not (rough or fresh) and iterations < max_steps:
-                local, fresh, last = misfit.local(local.values, names), True, 0.0
+                local, fresh = misfit.local(local.values, names), True
                 message, converged = "", False
                 continue
             if brief is not None and rejected == most:
@@ -544,22 +522,6 @@ def _ended(
         message=message,
         converged=converged,
     )
-
-
-def _is_sure(last: float, predicted: float) -> bool:
-    """Return whether a step may be taken on the word of its slopes, without a throw.
-
-    They leave a share of each step, which the last one shows; of a small one this is too little to
-    matter, where the noise of the solver would decide of a trial.
-    """
-    return predicted < SURE_DECREASE and predicted < SURE * last**0.5
-
-
-def _foretold(decrease: float, predicted: float, little: float, *, before: bool) -> bool:
-    """Return whether slopes foretold the decrease of the last step that was worth one."""
-    if predicted <= little:
-        return before
-    return abs(decrease - predicted) < AS_FORETOLD * predicted
 
 
 def _extended(iterations: int, cost: float, trial_cost: float) -> int:
