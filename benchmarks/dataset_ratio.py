@@ -1,68 +1,93 @@
-"""Compare a throw as a dataset with its solution alone, in processor time.
+"""Compare a throw with its dataset, with a friction curve, and with another checkout.
 
     python -m benchmarks.dataset_ratio [--older FOLDER] [--count 9]
 
-Printed are medians and spreads (least to largest) of runs in turn, in milliseconds of the process,
-and the ratio of the medians, with a 13 mm object on the default panel. With `--older` the sources
-of another checkout run before and after these, each in a process of its own.
+Printed are medians and least values of runs in turn, in milliseconds of the process, and ratios of
+the least to those of a plain solution, with a 13 mm object on the default panel. The curve is that
+of sound chairs (`chair.friction_state`). With `--older` the sources of another checkout run in
+turns with these, each in processes of its own, and the ratio to it is of its plain solution.
 """
 
 import argparse
+import json
 import os
 import statistics
 import subprocess
 import sys
 import time
+from collections import defaultdict
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
-from turnout.core.scheme import Mode, Scheme
+from turnout.core.errors import PanelError
+from turnout.core.scheme import Scheme
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.throw.simulate import simulate, solve
 
 HERE = Path(__file__).parents[1]
-MODES: tuple[Mode, ...] = ("quick", "waveform")
+MODES = ("quick", "waveform")
+Times = dict[str, list[float]]
 
 
-def measured(mode: Mode, count: int) -> tuple[list[float], list[float]]:
+def measured(count: int) -> Times:
     """Return the milliseconds of solutions and of datasets, each after one that does not count."""
     panel, foreign = load_panel("uic60-760-1-15"), ForeignObject(0.013, "sleeper 6")
-    solution, dataset = [], []
-    for _ in range(count + 1):
-        begun = time.process_time()
-        solve(panel, foreign_object=foreign, scheme=Scheme.of(mode))
-        between = time.process_time()
-        simulate(panel, foreign_object=foreign, mode=mode)
-        solution.append(1e3 * (between - begun))
-        dataset.append(1e3 * (time.process_time() - between))
-    return solution[1:], dataset[1:]
+    found, curved = defaultdict[str, list[float]](list), None
+    with suppress(PanelError):  # an older checkout knows no curves
+        curved = panel.with_overrides({"chair.friction_state": "sound"})
+    for mode in MODES:
+        scheme = Scheme.of(mode)
+        parts: dict[str, Callable[[], object]] = {
+            "solution": partial(solve, panel, foreign_object=foreign, scheme=scheme),
+            "dataset": partial(simulate, panel, foreign_object=foreign, scheme=scheme),
+        }
+        if curved is not None:
+            parts["friction curve"] = partial(solve, curved, foreign_object=foreign, scheme=scheme)
+        for number in range(count + 1):
+            for name, part in parts.items():
+                begun = time.process_time()
+                part()
+                if number > 0:
+                    found[f"{mode} {name}"].append(1e3 * (time.process_time() - begun))
+    return found
+
+
+def measured_in(checkout: Path, count: int) -> Times:
+    """Return what another process measures with the sources of a checkout."""
+    environment = {**os.environ, "PYTHONPATH": f"{checkout / 'src'}{os.pathsep}{HERE}"}
+    command = [sys.executable, __file__, "--print-times", "--count", str(count)]
+    done = subprocess.run(command, check=True, env=environment, stdout=subprocess.PIPE, text=True)
+    found: Times = json.loads(done.stdout)
+    return found
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--older", type=Path, help="another checkout")
-    parser.add_argument("--count", type=int, default=9, help="runs of each")
-    parser.add_argument("--name", default="this", help=argparse.SUPPRESS)
+    parser.add_argument("--count", type=int, default=9, help="runs of each in a process")
+    parser.add_argument("--print-times", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args()
-
-    def older() -> None:
-        if given.older is not None:
-            sources = given.older.resolve() / "src"
-            environment = {**os.environ, "PYTHONPATH": f"{sources}{os.pathsep}{HERE}"}
-            script = [sys.executable, __file__, "--name", "older", "--count", str(given.count)]
-            subprocess.run(script, check=True, env=environment)
-
-    older()
-    for mode in MODES:
-        solution, dataset = measured(mode, given.count)
-        middle = [statistics.median(times) for times in (solution, dataset)]
-        spread = [f"{min(times):.1f} to {max(times):.1f}" for times in (solution, dataset)]
-        print(
-            f"{given.name:<6}{mode:<9} solution {middle[0]:6.1f} ms ({spread[0]}), dataset "
-            f"{middle[1]:6.1f} ms ({spread[1]}), ratio {middle[1] / middle[0]:.2f}"
-        )
-    older()
+    if given.print_times:
+        print(json.dumps(measured(given.count)))
+        return
+    checkouts = {"this": HERE} | ({} if given.older is None else {"older": given.older.resolve()})
+    found: dict[str, Times] = {name: defaultdict(list) for name in checkouts}
+    for _ in range(3):
+        for name, checkout in checkouts.items():
+            for what, times in measured_in(checkout, given.count).items():
+                found[name][what] += times
+    for name, by_part in found.items():
+        for what, times in by_part.items():
+            plain = f"{what.split()[0]} solution"
+            line = f"{name:<6}{what:<24}{statistics.median(times):7.2f} ms, least {min(times):6.2f}"
+            line += f", {min(times) / min(by_part[plain]):.3f} of the solution"
+            if "older" in found and name == "this":
+                line += f", {min(times) / min(found['older'][plain]):.3f} of the older solution"
+            print(line)
 
 
 if __name__ == "__main__":

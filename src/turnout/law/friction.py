@@ -200,9 +200,9 @@ def forces_beyond_level(
     branches: Floats,
     step: float,
     present: Floats,
-    found: Floats,
+    shifts: Floats,
 ) -> bool:
-    r"""Write how far limits lie above ``coefficient * normal``; return whether a sliding one moved.
+    r"""Move how far limits lie above ``coefficient * normal``; return whether a sliding one moved.
 
     .. math:: B = \mu_k N\left(\frac{\mu_s/\mu_k - 1}{1 + (v/v_s)^2} + c\,v\right)
 
@@ -221,8 +221,10 @@ def forces_beyond_level(
         Stick or slip.
     step : float
         Share of the range of a curve [-].
-    present, found : ndarray
-        Present values, which those of sticking feet replace, and wanted ones [N].
+    present : ndarray
+        Values B, changed in place [N].
+    shifts : ndarray
+        Receives what this adds to the force on each sliding foot [N].
 
     Notes
     -----
@@ -234,20 +236,21 @@ def forces_beyond_level(
     zero, one = broadcast(0.0), broadcast(1.0)
     fastest, share, span = broadcast(FASTEST), broadcast(step), broadcast(RISING_SPAN)
     moved = greater(zero, zero)
-    for i in range(0, found.size, LANES):
-        slides = greater(absolute(load(branches, i)), zero)
+    for i in range(0, shifts.size, LANES):
+        branch, kept = load(branches, i), load(present, i)
         v = absolute(gather(speed, speed_of, i))
         v = select(greater(v, fastest), fastest, v)
         of_normal = gather_neighbours(force, normal, i)
         level = load(coefficient, i) * select(greater(of_normal, zero), of_normal, zero)
         more, rises = load(excess, i), load(rise, i)
         wanted = level * (more / (one + load(fall, i) * v * v) + rises * v)
-        kept = load(present, i)
         differs = greater(absolute(wanted - kept), share * level * (more + rises * span))
-        moves = select(differs, one, zero)
-        moved = logical_or(moved, greater(select(slides, moves, zero), zero))
-        store(select(differs, wanted, kept), found, i)
-        store(select(slides, kept, wanted), present, i)
+        slides = greater(absolute(branch), zero)
+        new = select(slides, select(differs, wanted, kept), wanted)
+        shift = branch * (kept - new)
+        moved = logical_or(moved, greater(absolute(shift), zero))
+        store(new, present, i)
+        store(shift, shifts, i)
     return any_true(moved)
 
 
@@ -276,12 +279,12 @@ class FrictionCourses(NamedTuple):
         Present curve of each friction, see `forces_beyond_level`; of no length without curves.
     speed_of : ndarray of int, shape (n_frictions,)
         Which speed is that of each friction.
-    block : ndarray of int
-        Blocks of rails with feet.
-    modes : ndarray, shape (n_modes, n_speeds of a block)
-        Modes at the feet of their block.
-    speed, beyond : ndarray, shape (n_speeds,), (n_frictions,)
-        Scratch arrays: speeds [m/s] and forces [N].
+    feet : ndarray of int, shape (n_blocks,)
+        Number of feet of each block.
+    modes : ndarray, shape (n_modes + 1, width)
+        Modes at the feet of their block; the last row is zero.
+    speed : ndarray, shape (n_blocks * width,)
+        Scratch array: speeds of the feet, block by block [m/s].
     """
 
     friction: Ints
@@ -299,10 +302,9 @@ class FrictionCourses(NamedTuple):
     fall: Floats
     rise: Floats
     speed_of: Ints
-    block: Ints
+    feet: Ints
     modes: Floats
     speed: Floats
-    beyond: Floats
 
     @property
     def has_curves(self) -> bool:
@@ -348,10 +350,9 @@ def no_courses() -> FrictionCourses:
         fall=nothing,
         rise=nothing,
         speed_of=numbers.astype(np.uint64),
-        block=numbers,
+        feet=numbers,
         modes=np.zeros((0, 0)),
         speed=nothing,
-        beyond=nothing,
     )
 
 

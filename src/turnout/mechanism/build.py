@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,6 @@ from turnout.mechanism.drive_machines import drive_machines
 from turnout.mechanism.laws import LawLayout, LawRows, law_table, lay_out
 from turnout.mechanism.mechanism import (
     JoinedRails,
-    LawIndex,
     Mechanism,
     Point,
     RailBody,
@@ -62,7 +62,6 @@ from turnout.mechanism.varied_rails import (
 from turnout.panel.foreign_object import PlacedObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import Panel
-from turnout.panel.records import Chair
 
 Floats = NDArray[np.float64]
 
@@ -93,7 +92,7 @@ def build_mechanism(
     layout, linear = placed.layout, placed.linear
     objects = placed.softened(objects)
     laws = law_table(layout, panel, objects, travel=linear.travel)
-    laws, courses = friction_courses(panel, laws, layout.index, linear.travel)
+    laws, courses = friction_courses(panel, laws, layout, linear.travel)
     return Mechanism(
         matrices=linear.matrices,
         core=linear.rows,
@@ -137,7 +136,7 @@ def build_loaded(
     frame = _made_frame(panel, objects, layout)
     linear = _made_kept(panel, frame, frame.rails_of(variation_of(panel), panel)).linear
     laws = law_table(layout, panel, objects, travel=linear.travel, loads=rows)
-    laws, courses = friction_courses(panel, laws, layout.index, linear.travel)
+    laws, courses = friction_courses(panel, laws, layout, linear.travel)
     names = tuple(f"load at x = {point.x:g} m of rail {rail}" for rail, point in loads)
     return Mechanism(
         matrices=linear.matrices,
@@ -603,7 +602,7 @@ def _stacked_rows(rows: LawRows, rails: list[ReducedRail]) -> Floats:
 
 
 def friction_courses(
-    panel: Panel, laws: LawTable, index: LawIndex, travel: Travel
+    panel: Panel, laws: LawTable, layout: LawLayout, travel: Travel
 ) -> tuple[LawTable, FrictionCourses]:
     """Return the laws with levels of friction, its courses along the stroke, and its curves.
 
@@ -616,27 +615,19 @@ def friction_courses(
         With the courses and curves of its chairs.
     laws : LawTable
         With the coefficients of the chairs.
-    index : LawIndex
+    layout : LawLayout
         Frictions by rail and chair.
     travel : Travel
         Ways of the rails from closed to open.
     """
-    curves = {
-        name: chair.friction_curves for name, chair in panel.chair.items() if _has_course(chair)
-    }
-    if not curves:
+    if all(COURSE_OF_CHAIR(chair) == CONSTANT_FRICTION for chair in panel.chair.values()):
         return laws, no_courses()
+    curves = {name: chair.friction_curves for name, chair in panel.chair.items()}
     rows: list[tuple[int, float, float, float]] = []
     openings, from_there = list[tuple[float, ...]](), list[FrictionCurve]()
-    everywhere = [FrictionCurve(1.0)] * laws.friction_row.size
-    for (rail, name), frictions in index.chair_friction.items():
-        of_chair = curves.get(name)
-        if of_chair is None:
-            continue
+    for (rail, name), frictions in layout.index.chair_friction.items():
         chair, shape = panel.chair[name], travel.shapes.get(rail)
-        for friction in frictions:
-            everywhere[friction] = of_chair[0]
-        if len(of_chair) == 1 or shape is None:
+        if len(curves[name]) == 1 or shape is None:
             continue
         way = float(shape.travel_at(np.array([chair.x]))[0])
         if not np.isfinite(way):
@@ -649,7 +640,7 @@ def friction_courses(
         for friction in frictions:
             rows.append((friction, chair.friction_coefficient, closed, side))
             openings.append(tuple(chair.friction_opening or ()))
-            from_there += of_chair
+            from_there += curves[name]
     columns = np.array(rows, dtype=float).reshape(-1, 4).T
     found = no_courses()._replace(
         friction=columns[0].astype(np.int64),
@@ -661,20 +652,23 @@ def friction_courses(
         factor=np.array([curve.level for curve in from_there]),
         at=np.full(len(rows), -1, dtype=np.int64),
     )
-    levels = np.array([curve.level for curve in everywhere])
+    by_chair = [of_chair[0] for of_chair in curves.values()]
+    if layout.index.roller:
+        by_chair += [FrictionCurve(1.0)] * len(by_chair)
+    levels = np.array([curve.level for curve in by_chair])[layout.chairs]
     levels[found.friction] = 1.0  # follow from the first step on
     laws = laws._replace(friction_coefficient=laws.friction_coefficient * levels)
-    if all(curve.is_constant for curve in {*everywhere, *from_there}):
+    if all(curve.is_constant for curve in (*by_chair, *from_there)):
         return laws, found
     excess_from, fall_from, rise_from = curve_arrays(from_there)
-    excess, fall, rise = curve_arrays(everywhere)
+    excess, fall, rise = (values[layout.chairs] for values in curve_arrays(by_chair))
     return laws, found._replace(
         excess_from=excess_from, fall_from=fall_from, rise_from=rise_from,
         excess=excess, fall=fall, rise=rise,
     )  # fmt: skip
 
 
-def _has_course(chair: Chair) -> bool:
-    """Return whether friction on a chair differs along the stroke or over speed."""
-    own = (chair.friction_factor, chair.friction_state, chair.static_ratio, chair.friction_rise)
-    return own != (None, None, None, None)
+COURSE_OF_CHAIR = attrgetter("friction_factor", "friction_state", "static_ratio", "friction_rise")
+"""Values of a chair whose friction differs along the stroke or over speed."""
+CONSTANT_FRICTION = (None, None, None, None)
+"""The same of one whose friction does not."""

@@ -8,7 +8,7 @@ in halves, until the smallest of them ends there.
 """
 
 from turnout.kernels.compiled import compiled
-from turnout.kernels.vector import add_weighted_rows
+from turnout.kernels.vector import sum_weighted_rows
 from turnout.law.friction import STICK, FrictionCourses, forces_beyond_level
 from turnout.law.kernel import law_argument, segment_for
 from turnout.law.obstruction import (
@@ -173,32 +173,32 @@ def _follow_speeds(
 ) -> int:
     """Give frictions the limits at the present speeds of the modes at their feet."""
     width = courses.modes.shape[1]
-    for number in range(courses.block.size):
-        block = courses.block[number]
-        first, last = system.mode_start[block], system.mode_start[block + 1]
-        speed = courses.speed[number * width : (number + 1) * width]
-        speed[:] = 0.0
-        add_weighted_rows(state.v[first:last], courses.modes[first:last], speed)
+    for block in range(courses.feet.size):
+        if courses.feet[block]:
+            first, last = system.mode_start[block], system.mode_start[block + 1]
+            modes, speed = courses.modes[first:last], courses.speed[block * width :][:width]
+            sum_weighted_rows(courses.modes[-1], state.v[first:last], modes, speed)
     if not forces_beyond_level(
         (work.force, table.friction_normal, table.friction_coefficient),
         (courses.excess, courses.fall, courses.rise),
         (courses.speed, courses.speed_of),
-        state.friction, CURVE_RATE * step, state.friction_beyond, courses.beyond,
+        state.friction, CURVE_RATE * step, state.friction_beyond, work.friction_shift,
     ):  # fmt: skip
         return count
-    for friction in range(state.friction.size):
-        branch, wanted = state.friction[friction], courses.beyond[friction]
-        change = wanted - state.friction_beyond[friction]
-        if branch == STICK or change == 0.0:
-            continue
-        state.friction_beyond[friction] = wanted
-        place = table.friction_row[friction]
-        end = system.row_ends[place, 0]
-        if wanted == 0.0 or system.row_ends[place, 1] >= 0 or state.slot_of_end[end] < 0:
+    rows, total, moved, n_moved = table.friction_row, work.foot_shift, work.coupled_end, 0
+    for friction in range(rows.size):
+        place, change = rows[friction], work.friction_shift[friction]
+        total[place] += change
+        moved[n_moved] = place
+        n_moved += change != 0.0
+    for place in moved[:n_moved]:
+        change, total[place] = total[place], 0.0
+        shift = state.shift[place] + change
+        if shift == 0.0 or state.slot_of_end[place] < 0:
             count = mark_row(work, count, place)
-            continue
-        state.shift[place] -= branch * change
-        shift_constant(system, state, end, -branch * change)
+        elif change != 0.0:  # a foot may have several frictions
+            state.shift[place] = shift
+            shift_constant(system, state, place, change)
     return count
 
 

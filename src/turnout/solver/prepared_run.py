@@ -350,10 +350,7 @@ def _without_obstructions() -> Obstructions:
 
 
 def _set_up_courses(courses: FrictionCourses, system: System, table: LawTable) -> FrictionCourses:
-    """Return the courses of a run; without any, all runs share them.
-
-    Curves are given the modes at their feet.
-    """
+    """Return the courses of a run; without any, all runs share them."""
     if courses.has_curves:
         courses = courses._replace(**_foot_modes(system, table))
     elif not courses.friction.size:
@@ -363,27 +360,24 @@ def _set_up_courses(courses: FrictionCourses, system: System, table: LawTable) -
 
 def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
     """Return the modes at the feet, block by block, and which speed is that of each friction."""
-    places = table.friction_row.astype(np.int64)
-    if (system.row_ends[places, 1] >= 0).any():
+    feet, number = np.unique(table.friction_row.astype(np.int64), return_inverse=True)
+    if (system.row_ends[feet, 1] >= 0).any():
         message = "friction that follows speed acts on one rail, not between two"
         raise MechanicsError(message)
-    block_of = system.block_of_end[places]
-    blocks = np.unique(block_of)
-    feet = [np.unique(places[block_of == block]) for block in blocks]
-    width = int(whole_lines(max(map(len, feet))))
-    modes = zeros_in_lines(system.load.size, width)
-    speed_of = np.zeros(places.size, dtype=np.int64)
-    for number, (block, ends) in enumerate(zip(blocks, feet, strict=True)):
-        first, last = system.mode_start[block : block + 2]
-        modes[first:last, : ends.size] = system.end_modes[ends, : last - first].T
-        own = block_of == block
-        speed_of[own] = number * width + np.searchsorted(ends, places[own])
+    start = np.searchsorted(feet, system.end_start)
+    count = np.diff(start)
+    width = int(whole_lines(count.max()))
+    modes = zeros_in_lines(system.load.size + 1, width)
+    for block in np.flatnonzero(count):
+        own, rows = feet[start[block] :][: count[block]], slice(*system.mode_start[block:][:2])
+        modes[rows, : own.size] = system.mode_ends[rows, own - system.end_start[block]]
+    block_of = system.block_of_end[feet]
+    place = block_of * width + np.arange(feet.size) - start[block_of]
     return {
-        "block": blocks,
+        "feet": count,
         "modes": modes,
-        "speed_of": as_unsigned(speed_of),
-        "speed": np.zeros(width * len(feet)),
-        "beyond": np.zeros(places.size),
+        "speed_of": as_unsigned(place[number]),
+        "speed": np.zeros(count.size * width),
     }
 
 

@@ -123,6 +123,7 @@ class Work(NamedTuple):
       every law;
     - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
+    - ``foot_shift``: zeros, in which changes of forces on feet are summed up [N];
     - ``unconverged``: flags the rows that still changed when a step was given up;
     - ``changed``: whether `LAWS` and `FRICTIONS` may have changed since the contact set was saved.
     """
@@ -150,6 +151,8 @@ class Work(NamedTuple):
     force: Floats
     trial: Floats
     limit: Floats
+    friction_shift: Floats
+    foot_shift: Floats
     right_side_end: Floats
     right_side_start: Floats
     end_error: Floats
@@ -201,6 +204,8 @@ def new_work(system: System, table: LawTable) -> Work:
             force=np.zeros(table.row.size),
             trial=np.zeros(table.friction_row.size),
             limit=np.zeros(table.friction_row.size),
+            friction_shift=np.zeros(table.friction_row.size),
+            foot_shift=by_place(),
             right_side_end=modal(),
             right_side_start=modal(),
             end_error=by_place(),

@@ -38,7 +38,6 @@ from turnout.solver.obstruct import freeze
 from turnout.solver.outcome import Code
 from turnout.solver.prepared_run import (
     PreparedRun,
-    RunSetup,
     prepare,
     present_at_start,
     set_up_run,
@@ -109,12 +108,12 @@ class StartPlan:
 
     Attributes
     ----------
-    setup : RunSetup
-        Its last part, or all of it.
+    laws : tuple of LawTable
+        As they are before the start, and the same for the kernels.
     scheme : Scheme
         Numerical choices of the motion.
     positions : ndarray, shape (n_steps + 1, n_inputs)
-        Marker positions at the ends of all its steps [m].
+        Marker positions at the ends of its steps [m].
     of_laws : bytes
         What is in the table of laws before anything moves.
     key : hashable
@@ -123,7 +122,7 @@ class StartPlan:
         Whether it is repeated.
     """
 
-    setup: RunSetup
+    laws: tuple[LawTable, LawTable]
     scheme: Scheme
     positions: Floats
     of_laws: bytes
@@ -144,10 +143,7 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     values = [part.tobytes() for part in courses] if has_values else []
     of_laws = cast("SharedRecord", table).memory.tobytes()
     key = (id(arrangement.frame), scheme, positions.tobytes(), of_laws, *values)
-    share = 1.0 if prior.cyclic else PRIOR_SHARE
-    part = positions[int((1.0 - share) * positions.shape[0]) :]
-    setup = set_up_run(arrangement, scheme, part, 2, laws=(laws, table))
-    return StartPlan(setup, scheme, positions, of_laws, key, prior.cyclic)
+    return StartPlan((laws, table), scheme, positions, of_laws, key, prior.cyclic)
 
 
 def find_start(
@@ -184,12 +180,12 @@ def _start_after(run: PreparedRun, arrangement: Arrangement, plan: StartPlan) ->
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     left = _cache.get(plan.key)
     if left is None:
-        motion = prepare(plan.setup)
+        motion = _prepare_last(arrangement, plan, 1.0 if plan.cyclic else PRIOR_SHARE)
         most = MOST_CYCLES if plan.cyclic else 1
         code, slid = _move(motion, arrangement.mechanism, most)
         if not slid and not plan.cyclic:
             motion.give_back(record=True)
-            motion = prepare(_set_up_whole(arrangement, plan))
+            motion = _prepare_last(arrangement, plan, 1.0)
             code, _ = _move(motion, arrangement.mechanism)
         if code != Code.COMPLETE:
             run.work.unconverged[:] = motion.work.unconverged
@@ -199,13 +195,12 @@ def _start_after(run: PreparedRun, arrangement: Arrangement, plan: StartPlan) ->
     return _start_from(run, left)
 
 
-def _set_up_whole(arrangement: Arrangement, plan: StartPlan) -> RunSetup:
-    """Set up the whole motion, whose last part has changed laws, courses and obstructions."""
-    table = plan.setup.table
-    memory = cast("SharedRecord", table).memory
+def _prepare_last(arrangement: Arrangement, plan: StartPlan, share: float) -> PreparedRun:
+    """Prepare the last share of the motion; a part before has changed laws."""
+    memory = cast("SharedRecord", plan.laws[1]).memory
     memory[:] = np.frombuffer(plan.of_laws, dtype=memory.dtype)
-    laws = (plan.setup.laws, table)
-    return set_up_run(arrangement, plan.scheme, plan.positions, 2, laws=laws)
+    part = plan.positions[int((1.0 - share) * plan.positions.shape[0]) :]
+    return prepare(set_up_run(arrangement, plan.scheme, part, 2, laws=plan.laws))
 
 
 def clear_starts() -> None:
