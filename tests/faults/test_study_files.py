@@ -61,6 +61,10 @@ FAULTS = {
         DRAWN.replace("0.3", "0.05") + "[sampling]\ncount = 4\n",
         "maximum: must be more than `minimum`",
     ),
+    "range that is no number": (
+        DRAWN.replace("0.3", "nan") + "[sampling]\ncount = 4\n",
+        "maximum = nan: must be a finite number",
+    ),
     "parameter of another": (
         DRAWN + "mode = 0.2\n[sampling]\ncount = 4\n",
         "mode: is none of distribution 'uniform'",

@@ -77,7 +77,7 @@ BAD = [
 ]
 WORDS = [
     f"row 0: {FRICTION} = nan: must be a finite number",
-    "row 1 ({FRICTION} = 0.2, rail.section_scale = 9.0",
+    "row 1 ({FRICTION} = 0.2, rail.section_scale = 9, ",
     "there is no drive '7'",
     "row 3",
     "no factor for this rail",

@@ -10,6 +10,7 @@ Schedules recorded elsewhere: a CSV file with the columns time and fraction.
 import csv
 from collections.abc import Hashable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -284,21 +285,34 @@ def movement_fraction(movement: Movement, elapsed: npt.ArrayLike, *, drive: str)
     Returns
     -------
     ndarray, shape (n,)
-        0 before the onset, 1 after the end.
+        0 before the onset, 1 after the end. Read-only, as throws share it.
     """
-    total = movement_time(movement, drive)
-    t = np.asarray(elapsed, dtype=np.float64).clip(0.0, total)
+    times = np.asarray(elapsed, dtype=np.float64)
+    table = (tuple(movement.table_time or ()), tuple(movement.table_fraction or ()))
+    law = (movement.shape, movement.ramp, table, movement_time(movement, drive))
+    return _fraction(law, times.shape, times.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _fraction(
+    law: tuple[str, float, tuple[tuple[float, ...], tuple[float, ...]], float],
+    size: tuple[int, ...],
+    elapsed: bytes,
+) -> FloatArray:
+    shape, ramp, (times, fractions), total = law
+    t = np.frombuffer(elapsed).reshape(size).clip(0.0, total)
     s = t / total
-    if movement.shape == "smoothstep":
+    if shape == "smoothstep":
         fraction = s * s * (3.0 - 2.0 * s)
-    elif movement.shape == "table":
-        times = np.asarray(movement.table_time, dtype=np.float64)
-        fraction = np.interp(s * times[-1], times, np.asarray(movement.table_fraction))
-    elif movement.shape == "raised cosine" and movement.ramp > 0.0:
-        fraction = _raised_cosine(t, total, movement.ramp)
+    elif shape == "table":
+        fraction = np.interp(s * times[-1], times, fractions)
+    elif shape == "raised cosine" and ramp > 0.0:
+        fraction = _raised_cosine(t, total, ramp)
     else:
         fraction = s
-    return np.asarray(fraction, dtype=np.float64)
+    found: FloatArray = np.asarray(fraction, dtype=np.float64)
+    found.flags.writeable = False
+    return found
 
 
 def _raised_cosine(t: FloatArray, total: float, ramp: float) -> FloatArray:

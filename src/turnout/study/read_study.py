@@ -81,7 +81,11 @@ def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
         return StudyRecord.model_validate(file.data), []
     except ValidationError as error:
         errors = error.errors(include_url=False)
-    problems = [_describe_error(item, file.data) for item in errors]
+    found = dict[str, str]()
+    for item in errors:  # of a value that may be of several types, the fault as the first of them
+        path, text = _describe_error(item, file.data)
+        found.setdefault(path, text)
+    problems = list(found.values())
     known = copy.deepcopy(file.data)
     for item in errors:
         if item["type"] == "extra_forbidden":
@@ -95,8 +99,11 @@ def read_record(file: TomlFile) -> tuple[StudyRecord, list[str]]:
         raise StudyError(list(dict.fromkeys(problems)), source=file.source) from None
 
 
-def _describe_error(error: Any, data: Any) -> str:
-    """Return key path and fault of an error from pydantic; parts of a list have their number."""
+def _describe_error(error: Any, data: Any) -> tuple[str, str]:
+    """Return the key path of an error from pydantic, and this with its fault.
+
+    Parts of a list have their number.
+    """
     path, inside = "", data
     record: type[BaseModel] = StudyRecord
     for part in error["loc"]:
@@ -105,12 +112,14 @@ def _describe_error(error: Any, data: Any) -> str:
             key = inside.get("key") if isinstance(inside, dict) else None
             path += f" {part + 1}" + (f" ({key})" if isinstance(key, str) else "")
             continue
+        if not isinstance(inside, dict):  # a type that the value may have
+            break
         path += f".{part}" if path else str(part)
         field = record.model_fields.get(part)
         inner = next(records_in(field.annotation), None) if field is not None else None
         record = inner or record
-        inside = inside.get(part, {}) if isinstance(inside, dict) else {}
-    return path + describe_error(error, allowed=record.model_fields)
+        inside = inside.get(part, {})
+    return path, path + describe_error(error, allowed=record.model_fields)
 
 
 def read_parts(

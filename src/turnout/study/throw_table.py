@@ -205,7 +205,8 @@ class CompiledThrows:
         for number in np.flatnonzero(outcome != COMPLETE).tolist():
             if number not in faults:
                 names = [*self.variables][:MOST_NAMED]
-                given = ", ".join(f"{name} = {found[name].values[number]}" for name in names)
+                values = ((name, found[name].values[number]) for name in names)
+                given = ", ".join(f"{name} = {_shown(value)}" for name, value in values)
                 faults[number] = f"row {number} ({given}): {reason[number]}"
         listed = [faults[number] for number in sorted(faults)]
         if len(listed) == outcome.size:
@@ -349,6 +350,11 @@ def thrown(
         if folder is None:
             found = [dataset.load() for dataset in found]
     return dict(zip(studies, found, strict=True))
+
+
+def _shown(value: object) -> str:
+    """Return a stored value as it was given; numbers are stored in single precision."""
+    return f"{value:.7g}" if isinstance(value, float | np.floating) else str(value)
 
 
 def _read(variable: Variable, value: object) -> Value:
