@@ -378,6 +378,17 @@ NUMBERS: list[Kind] = [
     ("numbers: T is a torque", "Rate: 25 Hz\nForce,T\n" + "".join(
         f"{FORCE[n]},{1 + n / 10:.1f}\n" for n in range(COUNT)),
      {"Force": (25.0, 0.0), "T": (25.0, 0.0)}),
+    *((f"numbers: {name} is a temperature", f"Time (s),Force,{name}\n" + "".join(
+        f"{n * STEP:.2f},{FORCE[n]},{20 + n / 10:.1f}\n" for n in range(COUNT)),
+       {"Force": (25.0, 0.0), name: (25.0, 0.0)}) for name in ("T1", "t1")),
+    ("numbers: more channels than rows",
+     "Time (s),Force," + ",".join(f"AI {k}" for k in range(100)) + "\n" + "".join(
+         f"{n * STEP:.2f},{FORCE[n]}{',1.5' * 100}\n" for n in range(COUNT)),
+     dict.fromkeys(("Force", *(f"AI {k}" for k in range(100))), (25.0, 0.0))),
+    ("numbers: states with a letter", "Time (s),Force,State,Note\n" + "".join(
+        f"{n * STEP:.2f},{FORCE[n]},{1 + n // 20}a,{'5 %' if n == 3 else ''}\n"
+        for n in range(COUNT)), {"Force": (25.0, 0.0)}),
+    ("numbers: 5000 digits", f"{'1' * 5000},{'2' * 5000}\n" * 40, ("it holds no numbers",)),
     ("numbers: T is a temperature", "Time (s),Force,T [°C]\n" + "".join(
         f"{n * STEP:.2f},{FORCE[n]},{1 + n / 10:.1f}\n" for n in range(COUNT)),
      {"Force": (25.0, 0.0), "T": (25.0, 0.0)}),

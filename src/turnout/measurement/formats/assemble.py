@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.measurement.formats.clock import DAY
+from turnout.measurement.formats.clock import DAY, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.time_axis import iso_time
 from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, on_grid, time_grid
@@ -122,7 +122,7 @@ def split_unit(text: str) -> tuple[str, str]:
         unit = match[1] or (match[2] if _QUANTITY_OF[match[2]].fullmatch(text) else "")
         if unit in UNIT_TEXTS and unit not in _NO_UNIT_BEHIND:
             return text, tidy_unit(unit)
-    if text.startswith("in ") and is_unit(text[3:]):
+    if text.startswith("in ") and is_time_unit(text[3:]):
         return "", tidy_unit(text[3:])
     match = _BEHIND.fullmatch(text)
     # "Rod A" is a name, "I in A" and "Force kN" end in a unit.

@@ -112,7 +112,9 @@ def is_time_name(name: str) -> bool:
     >>> [is_time_name(name) for name in ("Time", "t", "time_ms", "Zeitstempel", "Throw time")]
     [True, True, True, True, False]
     """
-    return _TIME.fullmatch(squeezed(name)) is not None
+    word = squeezed(name)
+    # T1 may be a temperature.
+    return _TIME.fullmatch(word) is not None and re.fullmatch(r"t\d+", word) is None
 
 
 def unit_in_name(name: str) -> str:
@@ -122,11 +124,6 @@ def unit_in_name(name: str) -> str:
         return word
     match = _TIME.fullmatch(word)
     return (match["unit"] or "") if match and not word.endswith("times") else ""
-
-
-def is_letter(name: str) -> bool:
-    """Return True for a single letter, or a t with its number: a time only if its values are."""
-    return re.fullmatch(r".|t\d+", squeezed(name)) is not None
 
 
 def is_time_word(name: str) -> bool:

@@ -23,8 +23,9 @@ from turnout.measurement.formats.clock import (
     StatedClock,
     is_abscissa_name,
     is_date_name,
+    is_direction_name,
     is_index_name,
-    is_letter,
+    is_throw_name,
     is_time_name,
     is_time_unit,
     is_time_word,
@@ -234,7 +235,11 @@ def _turn_rows(table: Table) -> None:
     matches = [_NUMBERED.fullmatch(column.name) for column in columns]
     stems = Counter(match[1] for match in matches if match)
     stem, size = stems.most_common(1)[0] if stems else ("", 0)
-    if size >= _LEAST_NUMBERED:
+    numbers_throw = any(
+        is_throw_name(c.name) or is_direction_name(c.name) or squeezed(c.name) == "id"
+        for c in columns
+    )
+    if size >= _LEAST_NUMBERED and numbers_throw:
         places = [place for place, match in enumerate(matches) if match and match[1] == stem]
         curves = np.empty(count, dtype=object)
         curves[:] = [[columns[place].cells[row] for place in places] for row in range(count)]
@@ -259,7 +264,7 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
     if wrong and all(curve_parts(text, table.decimal) for text in filled):
         parts = [curve_parts(text, table.decimal) for text in texts]
         table.curves[place] = [numbers(items, table.decimal)[0] for items in parts]
-    elif (wrong or overload) and (held := numbers_with_unit(texts, table.decimal)):
+    elif (wrong or overload) and (held := _with_unit(texts, len(filled), table.decimal)):
         _take_units(table, place, *held)
     elif wrong and count < _LEAST_NUMBERS * len(filled) or not np.isfinite(values).any():
         table.texts[place] = texts
@@ -279,6 +284,12 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
             )
 
 
+def _with_unit(texts: list[str], filled: int, decimal: str) -> tuple[Floats, list[str]] | None:
+    """Return a column that repeats a known unit in most of its cells; None if it does not."""
+    held = numbers_with_unit(texts, decimal) if 2 * filled > len(texts) else None
+    return held if held is not None and all(map(is_unit, held[1])) else None
+
+
 def _take_units(table: Table, place: int, values: Floats, units: list[str]) -> None:
     """Take a column that repeats its unit in each cell."""
     if len(units) > 1:
@@ -288,8 +299,7 @@ def _take_units(table: Table, place: int, values: Floats, units: list[str]) -> N
         raise ValueError(message)
     table.values[place] = values
     column = table.columns[place]
-    unit = tidy_unit(units[0]) if is_unit(units[0]) else units[0]
-    table.columns[place] = replace(column, unit=column.unit or unit)
+    table.columns[place] = replace(column, unit=column.unit or tidy_unit(units[0]))
 
 
 def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
@@ -338,7 +348,7 @@ def _name_axes(table: Table) -> None:
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: count_filled(values)]
-        letter, rises = is_letter(column.name), place == 0 and rises_evenly(given)
+        letter, rises = len(squeezed(column.name)) == 1, place == 0 and rises_evenly(given)
         named = is_time_name(column.name) or (rises and is_time_word(column.name))
         if (
             not named

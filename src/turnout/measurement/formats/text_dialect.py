@@ -168,7 +168,7 @@ def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
         return True
     if not any(_weight(cell, decimal) for cell in first):
         return True
-    plain = all(cell.isdigit() for cell in first)
+    plain = all(cell.isdigit() and len(cell) < 16 for cell in first)
     return plain and len({int(b) - int(a) for a, b in pairwise(first)}) == 1
 
 
@@ -286,7 +286,7 @@ def _first_row(
     kinds = rows[usual[len(usual) // 2]]
     first = next((place for place, cell in enumerate(kinds) if _weight(cell, decimal)), 0)
     above, *below = rows[fitting[0] : fitting[0] + 4]
-    numbered = [str(int(above[0]) + n) for n in range(width)] if above[0].isdigit() else []
+    numbered = [str(int(above[0]) + n) for n in range(width)] if above[0] in ("0", "1") else []
     if above == numbered and any(_are_words(cells, width) for cells in below):
         del fitting[0]  # the numbers of the columns
     for number in fitting:
