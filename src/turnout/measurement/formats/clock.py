@@ -298,7 +298,7 @@ class StatedClock:
             self.start = since
             return True
         if (_BEGIN.fullmatch(name) or name == "t0") and _MOMENT.match(text):
-            self.moments.append(text)
+            self.moments.append(" ".join(dict.fromkeys(str(value).strip() for value in values)))
             return True
         return False
 

@@ -213,8 +213,17 @@ def _time_of(name: str, size: int, times: Mapping[str, TimeAxis]) -> TimeAxis | 
     fitting = [k for k, t in times.items() if t.seconds.size == size and "_time_" not in k]
     around = [key for key in fitting if name.startswith(_folder(key))]
     if around:
-        return times[max(around, key=lambda key: len(_folder(key)))]
+        nearest = max(around, key=lambda key: len(_folder(key)))
+        numbered = [key for key in around if _folder(key) == _folder(nearest) and _number(key)]
+        if len(numbered) > 1:  # time_1 beside time_2 goes with the arrays of its number
+            return next((times[key] for key in numbered if _number(key) == _number(name)), None)
+        return times[nearest]
     return times[fitting[0]] if len(fitting) == 1 else None
+
+
+def _number(name: str) -> str:
+    match = re.search(r"\d+\Z", name)
+    return match[0] if match else ""
 
 
 def _of_matrix(
