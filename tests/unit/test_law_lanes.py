@@ -120,7 +120,7 @@ def test_neighbours_are_gathered_as_any_places_are(kind: type) -> None:
     np.testing.assert_array_equal(found, values[places])
 
 
-@pytest.mark.parametrize("width", [0, 8, 40, 48, 56, 104])
+@pytest.mark.parametrize("width", [0, 8, 32, 40, 48, 56, 104])
 @pytest.mark.parametrize("count", [0, 1, 12, 16, 17, 40])
 def test_a_weighted_sum_of_rows_has_one_order(count: int, width: int) -> None:
     rng = np.random.default_rng(count)

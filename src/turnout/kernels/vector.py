@@ -151,7 +151,7 @@ def add_weighted_rows(weights: Floats, rows: Floats, to: Floats) -> None:
 def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
     """Write a vector plus a weighted sum of the rows of a matrix, which may be wider, to another.
 
-    Vectors fill whole cache lines. Six or seven lines stay in registers while `ROWS_TOGETHER` rows
+    Vectors fill whole cache lines. Four to seven lines stay in registers while `ROWS_TOGETHER` rows
     are added in turn, each rounded once; so many sums hide that one waits for the one before.
     Further rows have a sum of their own, so that rounding grows less with their number.
 

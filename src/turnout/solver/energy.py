@@ -36,6 +36,13 @@ from turnout.solver.system import Floats, Ints, System
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS, OBJECTS = range(7)
 LEDGER = 7
 """Columns of the ledger, the work since the start [J], and their number."""
+KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
+STORED = GRAVITY + 1
+"""Columns of the stored energies [J], and their number."""
+NUMERICAL, RESIDUAL = STORED + LEDGER, STORED + LEDGER + 1
+"""Rows of `write_energies` after those of the stored energies and the ledger."""
+ENERGY_ROW_COUNT = RESIDUAL + 1
+"""Their number."""
 
 
 @compiled
@@ -74,6 +81,38 @@ def unaccounted_energy(ledger: Floats, n: int, change: float) -> float:
     lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS] + ledger[n, OBJECTS]
     remainder: float = change - gained + lost
     return remainder
+
+
+@compiled
+def write_energies(stored: Floats, ledger: Floats, rows: Floats) -> None:
+    """Write the change of each stored energy since the first instant, the ledger, and the residual.
+
+    Parameters
+    ----------
+    stored, ledger : ndarray, shape (n_times, 4), (n_times, 7)
+        Columns of `turnout.solver.energy` [J].
+    rows : ndarray, shape (13, n_times)
+        In the order of these columns, then the numerical dissipation, and last the stored change
+        less what was put in and not taken out [J].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rows = np.empty((ENERGY_ROW_COUNT, 2))
+    >>> write_energies.py_func(np.arange(8.0).reshape(2, 4), np.ones((2, 7)), rows)
+    >>> rows[:, 1].tolist()
+    [4.0, 4.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 19.0]
+    """
+    for n in range(stored.shape[0]):
+        change = stored[n, 0] - stored[0, 0]
+        rows[0, n] = change
+        for column in range(1, STORED):
+            rows[column, n] = stored[n, column] - stored[0, column]
+            change += rows[column, n]
+        for column in range(LEDGER):
+            rows[STORED + column, n] = ledger[n, column]
+        rows[NUMERICAL, n] = ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
+        rows[RESIDUAL, n] = unaccounted_energy(ledger, n, change)
 
 
 def folded_energy(system: System, table: LawTable, state: State) -> float:
@@ -183,9 +222,6 @@ def force_and_energy(state: State, law: int, e: float) -> tuple[float, float]:
     """Return force [N] and energy [J] of a law on its present segment; 0 where it is absent."""
     slope, intercept = state.slope[law], state.intercept[law]
     return slope * e + intercept, (0.5 * slope * e + intercept) * e + state.potential[law]
-
-
-KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
 
 
 @compiled

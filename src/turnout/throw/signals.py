@@ -29,16 +29,20 @@ from turnout.panel.records import Fastening
 from turnout.solver.energy import (
     CONTACT,
     DAMPING,
+    ENERGY_ROW_COUNT,
     FRICTION,
     GRAVITY,
     KINETIC,
     MARKERS,
+    NUMERICAL,
     OBJECTS,
+    RESIDUAL,
+    STORED,
     STRAIN,
     SWITCHED,
     energy_balance,
+    write_energies,
 )
-from turnout.solver.energy_rows import NUMERICAL, RESIDUAL, ROWS, STORED, write_energies
 from turnout.solver.integration import History
 from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows, sums_of_columns
 from turnout.throw.recovery import Motion, row_motion
@@ -260,7 +264,7 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Channel]:
         Channel name to dimensions and values.
     """
     # Rows over time, which later reading takes one after the other.
-    rows = np.empty((ROWS, stored.shape[0]))
+    rows = np.empty((ENERGY_ROW_COUNT, stored.shape[0]))
     write_energies(np.ascontiguousarray(stored), np.ascontiguousarray(ledger), rows)
     return {name: (("time",), rows[row]) for name, row in _ENERGY_ROWS.items()}
 

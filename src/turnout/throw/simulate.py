@@ -27,8 +27,7 @@ from turnout.panel.markers import (
 )
 from turnout.panel.records import Movement
 from turnout.solver.arrange import clear_memory
-from turnout.solver.energy import LEDGER
-from turnout.solver.energy_rows import STORED
+from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.solver.outcome import NotConverged
 from turnout.solver.start import PriorMotion
