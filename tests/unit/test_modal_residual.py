@@ -116,6 +116,8 @@ def test_shapes_damped_apart_span_the_same_modes() -> None:
     np.testing.assert_allclose(apart.damping, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
     np.testing.assert_allclose(apart.load, apart.modes.T @ system["load"], rtol=1e-9)
     assert diagonalise_damping(apart).modes is apart.modes  # nothing is left to be done
+    np.testing.assert_allclose(apart.eigenvalues, model.eigenvalues, rtol=1e-9, atol=1e-12 * scale)
+    assert apart.eigenvalues is apart.eigenvalues  # each throw asks for them
 
 
 @pytest.mark.parametrize("dampers", [0, 1])

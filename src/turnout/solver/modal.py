@@ -13,6 +13,7 @@ semi-definite, free of the cancellation of "static minus modal" flexibility.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,6 +22,7 @@ from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs, dsygvd, dtrtri
 
 from turnout.core.errors import MechanicsError
+from turnout.core.threads import one_blas_thread
 
 Floats = NDArray[np.float64]
 Rows = Floats | sp.csr_array
@@ -31,7 +33,7 @@ NEGATIVE = 1e-10
 """A damping below minus this share of the largest is more than rounding [-]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ModalModel:
     """Kept modes and residual flexibility of one linear system.
 
@@ -66,7 +68,7 @@ class ModalModel:
     residual_load: Floats
     row_load: Floats
 
-    @property
+    @cached_property
     def eigenvalues(self) -> Floats:
         """Squared angular frequencies of the kept modes, shape (n_modes,) [1/s2].
 
@@ -75,7 +77,8 @@ class ModalModel:
         own = np.diagonal(self.stiffness)
         if np.count_nonzero(self.stiffness) == np.count_nonzero(own):
             return own
-        return np.asarray(np.linalg.eigvalsh(self.stiffness), dtype=np.float64)
+        with one_blas_thread():
+            return np.asarray(np.linalg.eigvalsh(self.stiffness), dtype=np.float64)
 
     @property
     def frequencies(self) -> Floats:
