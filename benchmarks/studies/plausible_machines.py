@@ -57,13 +57,13 @@ RANGES = {
     "current without load": (0.5, 1.2),  # jea73.md: free, 0.25 to 0.13 A/kN
     "gear efficiency": (0.70, 0.95),  # assumption: as of the facts file
     "overrun": (0.3e-3, 1.4e-3),  # assumption: as of the facts file, both drives in proportion
-    "lock stroke": (0.0, 0.2),  # assumption: none, to 0.2 s at each end of the way [s]
+    "time of the lock stroke": (0.0, 0.2),  # assumption: none to 0.2 s at each end [s]
     "force of the lock bar": (0.0, 1000.0),  # assumption: none, to a third of the rod's at rest
 }
-"""What the paper leaves open of its machines, in SI."""
+"""Ranges of the values of its machines that the paper leaves open, in SI."""
 READINGS = ("both clutches slip at 2 A", "Drive 2 by its force, same efficiency")
 DELAYS = ("by its gear", "by a later start")
-"""How Drive 2 takes its 0.2 s more."""
+"""Origins of the 0.2 s that Drive 2 takes more."""
 COUNT, SEED = 48, 59
 SOLVED = 1e-3
 """To which supply times are solved, as a share."""
@@ -177,7 +177,7 @@ def values_of(
             "gear.efficiency": efficiencies[name],
             "stroke.ratio": ratios[name],
             "circuit.overrun": drawn["overrun"] * usual / base.machine[NAMES["2"]].circuit.overrun,
-            "lock.stroke": max(drawn["lock stroke"] * speed(idle) / ratios[name], 1e-6),
+            "lock.stroke": max(drawn["time of the lock stroke"] * speed(idle) / ratios[name], 1e-6),
             "lock.force": drawn["force of the lock bar"],
         }
         given |= {f"machine.{machine}.{key}": value for key, value in own.items()}
@@ -219,7 +219,7 @@ FIVE, TEN, THIRTEEN = (SIZES.index(size) for size in (0.005, 0.010, 0.013))
 
 
 def size_table(rise: Floats) -> Iterator[str]:
-    """Yield what each size changes over machines and days, and how often it is seen."""
+    """Yield the change by each size over machines and days, and how often it is seen."""
     yield "| object | 5 % | 50 % | 95 % | seen on days | on most days |"
     yield "|---|--:|--:|--:|--:|--:|"
     for row, size in enumerate(SIZES[1:], 1):
@@ -255,7 +255,7 @@ def group_table(machines: Sequence[Plausible], rise: Floats, usual: Floats) -> I
 
 
 def ranks(machines: Sequence[Plausible], rise: Floats) -> str:
-    """Return what the change by 10 mm goes with, as rank correlations in words."""
+    """Return the rank correlations of the change by 10 mm with each drawn value, in words."""
     middle, parts = np.median(rise[..., TEN], axis=1), []
     for name in RANGES:
         drawn = [machine.drawn[name] for machine in machines]
@@ -293,8 +293,8 @@ def section(machines: Sequence[Plausible], rise: Floats, usual: Floats) -> list[
         f"10 mm shows on {days[1]:.0f} % of days: its {least:.0f} mA are about what friction "
         f"changes from throw to throw. One of 5 mm shows on {days[0]:.0f} %. The paper's figure, "
         "in which 10 and 13 mm are clearly distinguishable, is likelier the less current a "
-        f"machine takes without load (rank correlation {rank:+.2f}), but possible for all: none "
-        "is excluded, and the library's stay as they are.",
+        f"machine takes without load (rank correlation {rank:+.2f}), and none "
+        "is excluded by it: the library's stay as they are.",
         "",
         *size_table(rise),
         "",
@@ -303,7 +303,7 @@ def section(machines: Sequence[Plausible], rise: Floats, usual: Floats) -> list[
         f"Rank correlations of the change by 10 mm: {ranks(machines, rise)}. On most days 10 mm is "
         f"seen for {most[0]} of {len(machines)} machines, 13 mm for {most[1]}.",
         "",
-        "What contradicts: both clutches at 2 A and 6.85 kN ask for a gear of Drive 2 that loses "
+        "Contradictions: both clutches at 2 A and 6.85 kN ask for a gear of Drive 2 that loses "
         "more than that of Drive 1; the 0.2 s are of the return alone in the paper, while a gear "
         "takes them both ways; and the library's machines take them twice, by ratio and by "
         "`movement.return.extra_time` of the panel, so Drive 2 ends 0.4 s after Drive 1.",

@@ -43,3 +43,16 @@ def test_time_left_goes_on_between_batches(monkeypatch: pytest.MonkeyPatch) -> N
     assert pace.progress().left == pytest.approx(20.0)
     now[0] = 25.0
     assert pace.progress().left == pytest.approx(15.0)
+
+
+def test_one_that_costs_little_does_not_stand_for_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    pace = Pace()
+    pace.begin("panels", 12)
+    for cost in (10.0, 0.05, 10.0, 10.0, 0.05, 10.0):
+        now[0] += cost
+        pace.count("panels", cost=cost)
+    assert pace.progress().left == pytest.approx(40.0, rel=0.1)

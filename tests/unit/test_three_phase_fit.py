@@ -197,6 +197,9 @@ def test_one_voltage_tells_no_slope_with_it() -> None:
         assert reason in found.per_volt.reason
         assert isinstance(found.current, NotIdentified)
         assert isinstance(found.per_watt, Estimate)
+    (rated,) = fit_three_phase(exact, rated_voltage=391.0)
+    assert isinstance(rated.current, Estimate)  # no slope is needed to come to it
+    assert isinstance(rated.per_volt, NotIdentified)
 
 
 def test_losses_need_throws_with_the_rod_off() -> None:

@@ -129,7 +129,7 @@ class Linearisation:
         ]
 
     def differences(self, number: int, parameters: Sequence[Parameter]) -> Differences:
-        """Return what is known of the slopes of a movement with some parameters."""
+        """Return the known slopes of a movement with some parameters."""
         before = self.origin[number]
         return {
             p.name: (aside, before, self.steps[p.name][number] / REACH)
@@ -191,11 +191,11 @@ def apart_in_reaches(
 def reaches_of(parameters: Sequence[Parameter], J: Floats) -> Floats:
     r"""Return how far to all sides values are thrown for a plane, shape (p, p), in reaches.
 
-    .. math:: R = V \max(1, \min(3 s, 60)) V^T, \quad V s^2 V^T = (J^T J + P)^{-1}
+    .. math:: R = V \max(1, \min(3 s, 60)) V^T, \quad V (\rho s)^2 V^T = (J^T J + P)^{-1}
 
     Over less, a slope in a direction that is hardly known would be that of what is rough, which
-    looks like information; over more, responses are no planes. A parameter that scatters goes one
-    difference of quick throws alone: each movement shows its own well.
+    looks like information; over more, responses are no planes. The reach :math:`\rho` is `REACH`. A
+    parameter that scatters goes `FINE_DIFFERENCE`: each movement shows its own well.
 
     Parameters
     ----------

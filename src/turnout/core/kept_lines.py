@@ -35,7 +35,11 @@ def claim_for(folder: Path, head: str, identity: Mapping[str, Any], *, what: str
     path = folder / head
     if not path.exists():
         own = re.compile(re.escape(head))
-        there = sorted(folder.iterdir()) if folder.is_dir() else []
+        try:
+            there = sorted(folder.iterdir()) if folder.is_dir() else []
+        except OSError as error:
+            message = f"{folder}: cannot be read ({error}); name another folder"
+            raise FileError(message) from None
         if strangers := [item.name for item in there if not is_leftover(item, of=own)]:
             message = (
                 f"{folder}: is not empty and holds no {what} ({strangers[0]} is there); "

@@ -1,8 +1,8 @@
 """Progress of many throws, whoever makes them."""
 
 import time
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 
@@ -32,16 +32,16 @@ class Progress:
 
 Report = Callable[[Progress], None]
 
-FAR_ABOVE = 1.5
-"""Batches that take more than this times the least are not usual."""
+RECENT = 64
+"""Counts of a kind that are kept; the later half of them is usual."""
 
 
 class Pace:
     """Counts throws of several kinds, and expects those left to take as long as others of theirs.
 
     A kind of which there is none yet is expected to take as long as those that are known. The first
-    ones of each process, for which it reduces rails, take several times as long as others, and are
-    not taken for usual; nor is the time until the first began to be made.
+    ones of each process, for which it reduces rails, take several times as long as others: usual is
+    the mean of the later half of what is known. The time until the first began does not count.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Pace:
     def __init__(self, report: Report | None = None) -> None:
         self._report = report
         self._rest, self._later = Counter[str](), Counter[str]()
-        self._costs: dict[str, list[float]] = {}
+        self._costs: dict[str, deque[float]] = {}
         self._there, self._made, self._failed, self._work = 0, 0, 0, 0.0
         self._stage = ""
         self._began = self._counted = time.monotonic()
@@ -90,7 +90,7 @@ class Pace:
         self._made += throws
         self._failed += failed
         self._work += cost
-        self._costs.setdefault(kind, []).append(cost / max(throws, 1))
+        self._costs.setdefault(kind, deque(maxlen=RECENT)).append(cost / max(throws, 1))
         self._stage = kind
         self.emit()
 
@@ -116,8 +116,7 @@ class Pace:
         return Progress(done, self._failed, total, self._made / passed, left, self._stage)
 
 
-def _usual(costs: Sequence[float]) -> float:
-    """Return the mean of costs that are not far above the least."""
-    least = min(costs)
-    usual = [cost for cost in costs if cost <= FAR_ABOVE * least]
-    return sum(usual) / len(usual)
+def _usual(costs: deque[float]) -> float:
+    """Return the mean of the later half of costs."""
+    later = list(costs)[len(costs) // 2 :]
+    return sum(later) / len(later)

@@ -364,6 +364,9 @@ def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
     if (system.row_ends[feet, 1] >= 0).any():
         message = "friction that follows speed acts on one rail, not between two"
         raise MechanicsError(message)
+    if feet[-1] >= system.end_start[-1]:
+        message = "friction that follows speed acts at rows that lead, not at one that follows"
+        raise MechanicsError(message)
     start = np.searchsorted(feet, system.end_start)
     count = np.diff(start)
     width = int(whole_lines(count.max()))

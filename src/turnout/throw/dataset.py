@@ -271,7 +271,7 @@ def describe_run(
         "wall_time": wall_time,
         "solver_time": solver_time,
         "modes": history.model.load.size,
-        "highest_mode_frequency": float(history.model.frequencies[-1]),
+        "highest_mode_frequency": float(history.model.frequencies.max()),
         "superelements": superelements,
         "energy_scale": outcome.energy_scale
         if history.machines or scheme.stride  # else the run had other instants than its history

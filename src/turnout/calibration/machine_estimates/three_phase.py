@@ -686,14 +686,16 @@ def _over_throws(
     circuit = _circuit_of(fitted.values, *point)
     volts = point[0] + np.array([-1.0, 0.0, 1.0, way])
     low, middle, high, there = circuit.current_at(volts, np.full(4, point[1]))
-    if square <= 0.0:
+    alike, rated = square <= 0.0, abs(way) <= 1e-9 * rated_voltage
+    if alike and not rated:
         return ONE_VOLTAGE, ONE_VOLTAGE
     if not np.isfinite([low, middle, high, there]).all():
         return NO_POINT, NO_POINT
-    more = float(fitted.left @ across) / square
+    more = 0.0 if alike else float(fitted.left @ across) / square
     rest = fitted.left - fitted.left.mean() - more * across
     freedom = count / max(count - fitted.values.size, 1)
-    of_slope = math.sqrt(freedom * float((rest * across) @ (rest * across))) / square
+    of_slope = math.sqrt(freedom * float((rest * across) @ (rest * across)))
+    of_slope = 0.0 if alike else of_slope / square
     of_level = _rms(rest) * math.sqrt(freedom / count)
     slope = 0.5 * float(high - low)
     bend = float(there - middle) - slope * way
@@ -703,7 +705,8 @@ def _over_throws(
         count,
         common=0.5 * abs(bend),
     )
-    return _or_not(current), _or_not(Estimate.of(slope + more, of_slope, count))
+    known = ONE_VOLTAGE if alike else _or_not(Estimate.of(slope + more, of_slope, count))
+    return _or_not(current), known
 
 
 def _per_watt(fitted: _Fitted, point: tuple[float, float], count: int) -> Estimate | NotIdentified:
