@@ -151,6 +151,32 @@ RATES: list[Kind] = [
         stated("Start time: 12.5 s\nSample rate: 25 Hz"),
         dict.fromkeys(BOTH, (25.0, 12.5)),
     ),
+    *(
+        (f"rate: {line}, a duration", stated(f"{line}\nSample rate: 25 Hz"), BOTH)
+        for line in (
+            *("Recording time: 10 s", "Record time: 10 sec", "Measurement time: 5 seconds"),
+            *("Time: 10 s", "Date: 5 d", "Trigger time: 5 min"),
+        )
+    ),
+    (
+        "rate: a duration alone",
+        stated("Recording time: 10 s"),
+        ("'Recording time: 10 s' is not taken for the sample rate",),
+    ),
+    (
+        "rate: start in words",
+        stated("Recording start time: 12.5 seconds\nSample rate: 25 Hz"),
+        dict.fromkeys(BOTH, (25.0, 12.5)),
+    ),
+    *(
+        (f"rate: {name} of another part", stated(f"{name}: 1 MHz\nSample rate: 25 Hz"), BOTH)
+        for name in ("Clock rate", "ADC clock", "Clock frequency", "Data clock")
+    ),
+    *(
+        (f"rate: {name} alone", stated(f"{name}: 1 MHz"), (f"'{name}: 1 MHz' is not taken",))
+        for name in ("Clock rate", "ADC clock", "Data clock")
+    ),
+    ("rate: Sampling clock", stated("Sampling clock: 25 Hz"), BOTH),
     ("rate: zero", stated("Sample rate: 0 Hz"), ("is no rate",)),
     ("rate: ambiguous", "Sample rate: 1.000 Hz\nA (V),B (V)\n1,2\n3,4\n5,6\n", ("a thousand",)),
     ("rate: none", VALUES + rows(), ("neither times nor a sample rate",)),
@@ -238,6 +264,16 @@ TIMES: list[Kind] = [
     ("time: rate changes",
      HEAD + rows(time=lambda n: f"{n * STEP if n < 20 else 0.8 + (n - 20) * 0.02:.2f}"),
      ("its step is 0.04 s up to 0.8 s and 0.02 s behind it",)),
+    *(
+        (f"time: {name} is a channel", f"Time (s),{name},Force [kN]\n" + "".join(
+            f"{n * STEP:.2f},{CURRENT[n]},{FORCE[n]}\n" for n in range(COUNT)),
+         {name: (25.0, 0.0), "Force": (25.0, 0.0)})
+        for name in ("Tid 1", "Tempo 1")
+    ),
+    ("time: numbered columns of times without a unit",
+     "Time 1,Force [kN],Time 2,Current [A]\n" + "".join(
+         f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
     ("time: numbered columns of times",
      "Time 1 (s),Force [kN],Time 2 (s),Current [A]\n" + "".join(
          f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
@@ -343,6 +379,15 @@ NUMBERS: list[Kind] = [
     ("numbers: units change", "Time (s);Force\n" + "".join(
         f"{n * STEP:.2f};{f} {'k' * (n % 2)}N\n" for n, f in enumerate(FORCE)),
      ("its cells are in 'N', 'kN'",)),
+    ("numbers: unit in each cell, another in the heading", "Time (s);Force [kN]\n" + "".join(
+        f"{n * STEP:.2f};{f} N\n" for n, f in enumerate(FORCE)),
+     ("column 'Force'", "its heading states 'kN', its cells 'N'")),
+    ("numbers: unit in each cell and in the heading",
+     "Time [sec];Force [kN];Current (A)\n" + "".join(
+        f"{n * STEP:.2f} s;{f} kN;{CURRENT[n]} A\n" for n, f in enumerate(FORCE)), BOTH),
+    *((f"numbers: {name} in milliseconds", f"{name},Force [kN]\n" + "".join(
+        f"{n * 40} ms,{f}\n" for n, f in enumerate(FORCE)),
+       ("its heading states 's', its cells 'ms'",)) for name in ("Time [s]", "time_s")),
     ("numbers: formulas", HEAD + rows(time=seconds, number=lambda v: f'="{v:.3f}"'), BOTH),
     ("numbers: comma twice", "Zeit (s),Force (kN)\n" + "".join(
         f"{german(n * STEP)},{german(f)}\n" for n, f in enumerate(FORCE)),
@@ -357,6 +402,8 @@ NUMBERS: list[Kind] = [
     ("numbers: overloads", HEAD + rows(time=seconds).replace("6.400", "OVL").replace("5.515", "***")
      .replace("4.826", "+++++").replace("4.289", "Infinity").replace("3.872", "9.91E+37")
      .replace("3.546", "\u221e"), BOTH),
+    *((f"numbers: {text} is no number", HEAD + rows(time=seconds).replace("6.400", text), BOTH)
+      for text in ("1.#IND", "-1.#IND00", "1.#QNAN", "1.#INF")),
     ("numbers: overloads in the first rows",
      "Sample rate: 25 Hz\nForce,Current\nOVL,OVL\n***,***\n" + rows(count=38),
      {"Force": (25.0, 0.0), "Current": (25.0, 0.0)}),
@@ -449,6 +496,7 @@ LOGGERS: list[Kind] = [
      ('"TraceName","Force","Current"\n"HResolution",4.0e-02,4.0e-02\n' + "".join(
          f",{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT))) * 2,
      ("a second table begins at line 43",)),
+    ("facts in rows above a wider table", "1,2\n3,4\n5,6\n" + HEAD + rows(time=seconds), BOTH),
     ("second table, wider", "Time (s),Force\n" + "".join(
         f"{n * STEP:.2f},{f}\n" for n, f in enumerate(FORCE[:30])) + "\n" + HEAD
      + rows(time=seconds), ("holds tables of different widths",)),
@@ -471,6 +519,8 @@ LOGGERS: list[Kind] = [
      "***End_of_Header***\t\t\nForce\tCurrent\tComment\n" + rows("\t"),
      ("recorded over frequency, not over time",)),
 ]  # fmt: skip
+
+stamp = moment("%Y-%m-%d %H:%M:%S", step=0.25)
 
 THROWS: list[Kind] = [
     ("throws: number",
@@ -497,6 +547,19 @@ THROWS: list[Kind] = [
         f"{n * STEP:.2f},{k},{values[n]}\n" for n in range(COUNT)
         for k, values in ((1, FORCE), (2, CURRENT))),
      {"channel 1": (25.0, 0.0), "channel 2": (25.0, 0.0)}),
+    ("throws: a state beside times that repeat", "Time (s),Position,State\n" + "".join(
+        f"{n // 2 * STEP:.2f},{FORCE[n]},{n % 2}\n" for n in range(COUNT)),
+     ("column 'Time': 20 of its 40 times repeat",)),
+    ("throws: a state next to times that repeat", "Time (s),State,Position\n" + "".join(
+        f"{n // 2 * STEP:.2f},{n % 2},{FORCE[n]}\n" for n in range(COUNT)),
+     ("column 'Time': 20 of its 40 times repeat",)),
+    ("throws: numbers beside a rate", "Sample rate: 4 Hz\nTime,Drive,Force,Current\n" + "".join(
+        f"{stamp(n)},{n % 2},{FORCE[n]},{CURRENT[n]}\n" for n in range(COUNT)),
+     dict.fromkeys(("Drive", "Force", "Current"), (4.0, 0.0))),
+    ("throws: long table of numbered machines", "time,machine,value\n" + "".join(
+        f"{n * STEP:.2f},{k},{values[n]}\n" for n in range(COUNT)
+        for k, values in ((1, FORCE), (2, CURRENT))),
+     {"machine 1": (25.0, 0.0), "machine 2": (25.0, 0.0)}),
     ("throws: long table of two quantities", "time,machine,I (A),P (W)\n" + "".join(
         f"{n * STEP:.2f},{k},{CURRENT[n]},{FORCE[n]}\n" for n in range(COUNT) for k in ("A", "B")),
      {f"{k} {q}": (25.0, 0.0) for k in "AB" for q in "IP"}),

@@ -4,6 +4,7 @@ Each column goes with the nearest column of times to its left, an index is never
 and several throws in one table never become one channel.
 """
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,11 +14,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import (
-    FileColumn,
-    assemble_recording,
-    tidy_unit,
-)
+from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.clock import (
     is_direction_name,
     is_index_name,
@@ -36,9 +33,7 @@ from turnout.measurement.formats.file_table import (
     restarts,
     sort_columns,
 )
-from turnout.measurement.formats.numbers import (
-    LEAST_CURVE,
-)
+from turnout.measurement.formats.numbers import LEAST_CURVE
 from turnout.measurement.formats.time_axis import (
     LARGEST_DEPARTURE,
     TimeAxis,
@@ -48,6 +43,11 @@ from turnout.measurement.formats.time_axis import (
 )
 from turnout.measurement.recording import Recording, time_grid
 
+# Names of columns of a state, whose numbers are samples.
+_STATE = re.compile(
+    r"stat(?:e|us)|zustand|digital|\Ad(?:i|o|in|out)?\d*\Z|bit|flag|switch|contact|kontakt|"
+    r"relay|relais|event|marker|trigger|trig|mode|modus|direction|richtung|position"
+)
 Rows = NDArray[np.intp]
 """Places of the rows of a throw."""
 _MOST_SIGNALS = 256
@@ -277,20 +277,48 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
 
 
 def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
-    """Return the column of a long table that says which signal a row holds."""
+    """Return the column of a long table that says which signal a row holds.
+
+    With `any_name` it may be one of texts that occur equally often, or of numbers, each once at
+    each time, unless a rate is stated.
+    """
     numbered = {p: v.tolist() for p, v in table.values.items() if any_name and _are_numbers(v)}
-    for place, texts in {**table.texts, **numbered}.items():
-        counts_of = Counter(texts)
-        named = is_signal_name(table.columns[place].name)
-        alike = any_name and len(set(counts_of.values())) == 1
-        most = min(_MOST_SIGNALS, len(texts) / 2)
-        if (named or alike) and 1 < len(counts_of) <= most:
+    for place, cells in {**table.texts, **numbered}.items():
+        counts_of = Counter(cells)
+        if not 1 < len(counts_of) <= min(_MOST_SIGNALS, len(cells) / 2):
+            continue
+        if is_signal_name(table.columns[place].name):
+            return place
+        if not any_name or len(set(counts_of.values())) != 1:
+            continue
+        if place not in numbered:
+            return place
+        if table.stated.rate() is None and _numbers_signals(table, place):
+            shown = label_of(table, place)
+            table.problems.append(f"column '{shown}' is taken for the number of the channel")
             return place
     return None
 
 
 def _are_numbers(values: Floats) -> bool:
     return bool(np.all(values == np.rint(values)))
+
+
+def _numbers_signals(table: Table, place: int) -> bool:
+    """Return True if a column beside the time holds each of its numbers once at each time."""
+    if _STATE.search(squeezed(label_of(table, place))):
+        return False
+    values = table.values[place].tolist()
+    for at, axis in table.axes.items():
+        times = axis.seconds.tolist()
+        every = len(set(times)) * len(set(values)) == len(values) == len(times)
+        if (
+            abs(at - place) == 1
+            and every
+            and len(set(zip(times, values, strict=True))) == len(values)
+        ):
+            return True
+    return False
 
 
 def _channel_columns(table: Table) -> list[FileColumn]:
@@ -305,7 +333,8 @@ def _channel_columns(table: Table) -> list[FileColumn]:
             shown = next((text for text in texts if text.strip()), "")[:40]
             what = f"times of no known layout ('{shown}'); write them as 2026-11-28 08:14:00.000"
         table.problems.append(f"column '{label_of(table, place)}' is left out: it holds {what}")
-    for shown in table.stated.doubtful if table.stated.rate() is None else ():
+    unknown = all(column.time is None and column.rate is None for column in columns)
+    for shown in table.stated.doubtful if unknown else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
     for shown in table.stated.reduced if table.stated.rate() is not None else ():
         table.problems.append(f"check the time: '{shown}' is stated beside the sample rate")

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 DAY, HOUR = 86_400.0, 3_600.0
 _UNIT_WORDS = {
@@ -36,10 +37,11 @@ HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in word
 _SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
 _SOURCES = (
     "sample|sampling|samp|scan|acquisition|acq|logging|log|logger|recording|record|recorded|"
-    "measuring|measurement|mess|abtast|clock|data|daq|adc|digitizer|wf|wave|nominal|effective"
+    "measuring|measurement|mess|abtast|data|daq|adc|digitizer|wf|wave|nominal|effective"
 )
 _RATE = re.compile(
-    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz|clock)|fs|sr|sps|srate|"
+    rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|srate|"
+    r"(?:sample|sampling|scan|acquisition|acq)s?clock(?:rate|frequency|freq)?|"
     r"fsamp(?:le|ling)?|(?:samples|points|scans)(?:per|/)s(?:ec(?:ond)?)?|frequencyofsampling|"
     r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo|"
     r"frequenzadicampionamento)"
@@ -55,6 +57,8 @@ _STEP = re.compile(
 _EITHER = re.compile(rf"sampling|abtastung|sample|messtakt|takt{_SUFFIX}")
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
+# A clock of another part may be far faster than the samples.
+_NO_CLOCK = re.compile(r"[^\W\d_]*clock(?:rate|frequency|freq|period)?")
 _REDUCED = re.compile(r"(?:decimation|downsampling|undersampling|divider)(?:factor|ratio)?")
 _START = re.compile(rf"(?:x0|t0|tstart|start|starts|xzero|xorigin|hoffset|wfstartoffset){_SUFFIX}")
 _BEGIN = re.compile(
@@ -62,6 +66,7 @@ _BEGIN = re.compile(
     r"(?:date(?:time)?|time|datum|zeit|timestamp)|start|startzeit|startdatum|beginn|"
     r"recordingstart|messbeginn|starttidpunkt|uhrzeit"
 )
+_BEGIN_WORD = re.compile(r"start|begin")
 _SECONDS_TEXT = re.compile(r"[+\-]?[\d.,]+(?:[eE][+\-]?\d+)?\s*[a-zµ]{0,3}")
 _OWNER = re.compile(r"\A[^\W\d]\w*:")
 """A channel before its own value: "CH1:0.04"."""
@@ -75,8 +80,9 @@ _TIME = re.compile(
     r"(?:data\d+)?(?:relative|elapsed|rel|utc|local|unix|epoch|system|sample)?"
     r"(?:time|times|zeit|tid|temps|tiempo|tempo|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
     r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
-    r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|posixtime|"
-    r"czas|tijd|aika|čas|idő|время|时间|時間|timeoffset|zeitversatz|datenum|serialdate|abstime|reltime|elapsed)(?P<number>\d{0,2})"
+    r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|"
+    r"posixtime|czas|tijd|aika|čas|idő|время|时间|時間|timeoffset|zeitversatz|datenum|serialdate|"
+    r"abstime|reltime|elapsed)\d{0,2}"
     r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>sec|ms|us|ns|s)?"
 )
 _ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
@@ -92,6 +98,8 @@ _THROW = re.compile(
     r"omläggning|switching|test|segment|record|trace)(?:_?(?:no|nr|id|number|num|index|idx))?"
 )
 _LONG = re.compile(r"signal|channel|variable|parameter|tag|sensor|kanal|quantity|name|key|series")
+_LEAST_RISING = 0.9
+"""Share of the steps of a column of times that are up, with room for faults among them."""
 _THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:[.,]\d{3})+")
 _STATED = re.compile(
     r"\s*([+\-−–]?(?:\d{1,3}(?: \d{3})+(?!\d)(?:[.,]\d*)?|\d[\d.,'’\u00a0\u202f\u2009]*)"
@@ -117,13 +125,28 @@ def is_time_name(name: str) -> bool:
     return _TIME.fullmatch(word) is not None and re.fullmatch(r"t\d+", word) is None
 
 
+def is_numbered_channel(name: str, values: NDArray[np.floating], *, unit: str = "") -> bool:
+    """Return True if a column called as a time with a number holds none: it falls, in no unit.
+
+    Examples
+    --------
+    >>> is_numbered_channel("Tempo 1", np.array([3.0, 1.0, 2.0, 0.5]))
+    True
+    """
+    if re.fullmatch(r"[^\d]+\d{1,2}", squeezed(name)) is None or is_time_unit(unit):
+        return False
+    steps = np.diff(values)
+    return bool(steps.size) and np.count_nonzero(steps > 0) < _LEAST_RISING * steps.size
+
+
 def unit_in_name(name: str) -> str:
     """Return the unit of time at the end of a name: "time_ms" -> "ms"; empty if there is none."""
     word = squeezed(name)
     if _TIME_WORDS.fullmatch(word):
         return word
     match = _TIME.fullmatch(word)
-    return (match["unit"] or "") if match and not word.endswith("times") else ""
+    plural = word.endswith("times") and not name.strip().endswith("_s")
+    return (match["unit"] or "") if match and not plural else ""
 
 
 def is_time_word(name: str) -> bool:
@@ -278,7 +301,10 @@ class StatedClock:
                 return True
             return False
         text = " ".join(str(value).strip() for value in values).strip()
-        if _NO_RATE.fullmatch(name) and stated_number(text) is not None:
+        number = stated_number(text)
+        unit_of = "" if number is None else _unit_of_clock(number[1] or unit)
+        clock = _NO_CLOCK.fullmatch(name) and (unit_of in HERTZ or unit_of in SECONDS)
+        if clock or (_NO_RATE.fullmatch(name) and number is not None):
             self.doubtful.append(f"{key.strip()}: {text}"[:60])
             return True
         if _REDUCED.fullmatch(name) and text not in ("1", "0", ""):
@@ -287,15 +313,18 @@ class StatedClock:
         if match := _START.fullmatch(name):
             kept = list(dict.fromkeys(str(value).strip() for value in values))
             plain = all(_SECONDS_TEXT.fullmatch(v) and v.count(".") < 2 for v in kept)
-            number = stated_number(kept[0], decimal) if plain else None
+            first = stated_number(kept[0], decimal) if plain else None
             if len(kept) > 1 and plain:
                 message = f"'{key.strip()}: {text[:40]}': the columns start at different times; "
                 raise ValueError(message + "export a column of times for each")
-            if number is not None:
-                self.start = number[0] * SECONDS.get((number[1] or match["unit"] or "").lower(), 1)
+            if first is not None:
+                self.start = first[0] * SECONDS.get((first[1] or match["unit"] or "").lower(), 1)
                 return True
-        if _BEGIN.fullmatch(name) and (since := _seconds_in(text, decimal)) is not None:
-            self.start = since
+        if _BEGIN.fullmatch(name) and number and is_time_unit(seconds := number[1] or unit):
+            if not _BEGIN_WORD.search(name):  # a duration
+                self.doubtful.append(f"{key.strip()}: {text}"[:60])
+            elif number := stated_number(text, decimal):
+                self.start = number[0] * SECONDS[seconds.lower()]
             return True
         if (_BEGIN.fullmatch(name) or name == "t0") and _MOMENT.match(text):
             self.moments.append(" ".join(dict.fromkeys(str(value).strip() for value in values)))
@@ -339,12 +368,6 @@ class StatedClock:
     def start_time(self) -> str | None:
         """Date and time of the start as the file writes them; None if it does not."""
         return " ".join(dict.fromkeys(self.moments)) or None
-
-
-def _seconds_in(text: str, decimal: str | None) -> float | None:
-    """Return a text with a unit of time as seconds; None if it is none."""
-    number = stated_number(text, decimal) if _SECONDS_TEXT.fullmatch(text) else None
-    return number[0] * SECONDS[number[1].lower()] if number and is_time_unit(number[1]) else None
 
 
 def _rates(

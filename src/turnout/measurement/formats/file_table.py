@@ -14,22 +14,21 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import (
-    is_unit,
-    split_unit,
-    tidy_unit,
-)
+from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
 from turnout.measurement.formats.clock import (
     StatedClock,
     is_abscissa_name,
     is_date_name,
     is_direction_name,
     is_index_name,
+    is_numbered_channel,
     is_throw_name,
     is_time_name,
     is_time_unit,
     is_time_word,
+    seconds_of,
     squeezed,
+    unit_in_name,
 )
 from turnout.measurement.formats.numbers import (
     LEAST_CURVE,
@@ -297,9 +296,17 @@ def _take_units(table: Table, place: int, values: Floats, units: list[str]) -> N
             f"column '{label_of(table, place)}': its cells are in {choices(units)}; export one"
         )
         raise ValueError(message)
+    column, held = table.columns[place], tidy_unit(units[0])
+    given = column.unit or unit_in_name(column.name)
+    times = is_time_unit(given) and is_time_unit(held)
+    if given and (seconds_of(given) != seconds_of(held) if times else tidy_unit(given) != held):
+        message = (
+            f"column '{label_of(table, place)}': its heading states '{given}', its cells "
+            f"'{units[0]}'; leave one of the two units"
+        )
+        raise ValueError(message)
     table.values[place] = values
-    column = table.columns[place]
-    table.columns[place] = replace(column, unit=column.unit or tidy_unit(units[0]))
+    table.columns[place] = replace(column, unit=column.unit or held)
 
 
 def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
@@ -357,6 +364,8 @@ def _name_axes(table: Table) -> None:
         ):
             continue
         if letter and column.unit and not is_time_unit(column.unit):
+            continue
+        if is_numbered_channel(column.name, given, unit=column.unit):
             continue
         bare = letter and not is_time_unit(column.unit)
         if bare and not may_be_time(given, column.name, rate=single):

@@ -235,7 +235,7 @@ def _facts_below_names(
 ) -> None:
     """Read facts with a column of their own: "Start" and "Increment" of an oscilloscope."""
     for place, name in enumerate(names):
-        if name and is_number(below[place], decimal or "."):
+        if name and not is_time_name(name) and is_number(below[place], decimal or "."):
             try:
                 if found.stated.read(name, [f"{below[place]} s"], decimal=decimal):
                     found.empty.add(place)

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_unit
-from turnout.measurement.formats.clock import StatedClock, is_time_name, is_time_unit
+from turnout.measurement.formats.clock import (
+    StatedClock,
+    is_numbered_channel,
+    is_time_name,
+    is_time_unit,
+)
 from turnout.measurement.formats.time_axis import (
     LARGEST_DEPARTURE,
     TimeAxis,
@@ -190,9 +195,11 @@ def _is_time(name: str) -> bool:
 
 
 def _holds_time(name: str, values: NDArray[Any], unit: str, clock: StatedClock | None) -> bool:
-    """Return False for a vector called t or T that holds something else."""
+    """Return False for a vector called t, T or Tempo 1 that holds something else."""
     bare, own = split_unit(_last(name))
     unit = unit or own
+    if is_numbered_channel(bare, values.astype(np.float64), unit=unit.partition(" since ")[0]):
+        return False
     if len(bare) > 1 or is_time_unit(unit) or " since " in unit:
         return True
     rate = clock.rate() if clock is not None else None
@@ -214,10 +221,12 @@ def _time_of(name: str, size: int, times: Mapping[str, TimeAxis]) -> TimeAxis | 
     around = [key for key in fitting if name.startswith(_folder(key))]
     if around:
         nearest = max(around, key=lambda key: len(_folder(key)))
-        numbered = [key for key in around if _folder(key) == _folder(nearest) and _number(key)]
-        if len(numbered) > 1:  # time_1 beside time_2 goes with the arrays of its number
-            return next((times[key] for key in numbered if _number(key) == _number(name)), None)
-        return times[nearest]
+        beside = [key for key in around if _folder(key) == _folder(nearest)]
+        # time_1 beside time_2 goes with the arrays of its number, time with those of none.
+        fits = [key for key in beside if _number(key) == _number(name)]
+        if fits or sum(bool(_number(key)) for key in beside) > 1:
+            return times[fits[0]] if fits else None
+        return times[next((key for key in beside if not _number(key)), nearest)]
     return times[fitting[0]] if len(fitting) == 1 else None
 
 

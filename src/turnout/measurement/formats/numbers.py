@@ -12,9 +12,11 @@ _OVERLOAD = re.compile(
     r"[*#+_xX]{2,}|-{2,}|[+\-<>]?(?:ovl|ovr|ovrld|over|overload|overld|overflow|overrange|"
     r"ofl|ol|o\.l\.?|o/l|under|underflow|underrange|inf|infinity|infinite|∞|invalid|inval|err|"
     r"error|bad|sat|saturated|clip|clipped|burnout|open|no ?data|no ?value|missing|"
-    r"1\.#(?:inf|ind|qnan|snan)\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
+    r"1[.,]#inf\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
     re.IGNORECASE,
 )
+_NO_NUMBER = re.compile(r"[+\-]?1[.,]#(?:ind|qnan|snan)\d*", re.IGNORECASE)
+"""A result that is none (NaN), as programs of Windows write it."""
 _MINUS = str.maketrans({"−": "-", "–": "-", "‒": "-", "﹣": "-", "－": "-", "＋": "+"})
 _BLANKS = "\u00a0\u202f\u2009 "
 _CELL = re.compile(r"(.*\d[.,]?)\s?((?:[^\W\d_]|[%‰°])[^\d\s]{0,6})")
@@ -64,7 +66,11 @@ def is_number(text: str, decimal: str, *, thousands: bool = True) -> bool:
 def is_missing(text: str) -> bool:
     """Return True for a text in place of a sample: missing, or an overload."""
     text = text.strip()
-    return text.lower() in EMPTY or (len(text) < 16 and _OVERLOAD.fullmatch(text) is not None)
+    return _is_empty(text) or (len(text) < 16 and _OVERLOAD.fullmatch(text) is not None)
+
+
+def _is_empty(text: str) -> bool:
+    return text.lower() in EMPTY or (len(text) < 16 and _NO_NUMBER.fullmatch(text) is not None)
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[NDArray[np.float64], list[int], set[str]]:
@@ -99,7 +105,7 @@ def numbers(texts: Sequence[str], decimal: str) -> tuple[NDArray[np.float64], li
         plain = plain_sign(text)
         if len(plain) <= _LONGEST and pattern.fullmatch(plain):
             values[place] = float(plain.translate(marks).replace(",", "."))
-        elif plain.lower() in EMPTY or plain == "-":
+        elif _is_empty(plain) or plain == "-":
             continue
         elif is_missing(text):
             overload.add(text.strip())

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.heading import Heading, read_heading
@@ -33,6 +33,8 @@ _BOMS = (
 )
 # A number only with marks between thousands is weaker evidence than one without.
 _GROUPED_WEIGHT = 0.9
+# So many rows of numbers above a table are facts of the heading.
+_MOST_LOOSE_ROWS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,8 @@ class TextLayout:
         Columns of the table.
     heading : Heading
         Names, units and clock above the numbers.
+    loose_rows : int
+        Number of rows of numbers above the table with another width.
     """
 
     encoding: str
@@ -57,6 +61,7 @@ class TextLayout:
     first_row: int
     width: int
     heading: Heading
+    loose_rows: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -136,7 +141,8 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     below = [split_line(line, separator) for line in lines[first_row : first_row + MOST_ROWS]]
     shows = any(decimal in cell and not is_stamp(cell) for cells in below for cell in cells)
     table = [cells for cells in below if len(cells) == width]
-    if sum(len(c) > 1 and all(_weight(cell, decimal) for cell in c) for c in above) > 2:
+    loose = _loose_rows(above, width, decimal)
+    if max(loose, default=0) > _MOST_LOOSE_ROWS:
         message = f"{source}: holds tables of different widths; save each in a file of its own"
         raise FileError(message)
     names = max((len(cells) for cells in above), default=0)
@@ -158,7 +164,18 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     except ValueError as error:
         message = f"{source}: {error}"
         raise FileError(message) from None
-    return TextLayout(encoding, separator, decimal, first_row, width, heading)
+    return TextLayout(encoding, separator, decimal, first_row, width, heading, sum(loose))
+
+
+def _loose_rows(above: Sequence[Sequence[str]], width: int, decimal: str) -> list[int]:
+    """Return how many rows of numbers of one other width lie together, for each such place."""
+    widths = [
+        len(cells) if all(_weight(cell, decimal) for cell in cells) else 0
+        for cells in above
+        if cells
+    ]
+    runs = [(size, len(list(rows))) for size, rows in groupby(widths)]
+    return [count for size, count in runs if size > 1 and size != width]
 
 
 def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:

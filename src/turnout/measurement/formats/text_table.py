@@ -80,6 +80,8 @@ def text_table(content: bytes, *, source: str) -> Table:
     frame, problems = _table(text)
     stated = layout.heading.stated
     problems += _unclear_mark(text)
+    if layout.loose_rows > 1:
+        problems.append(f"{layout.loose_rows} rows of numbers above the table are left out")
     if stated.rates or stated.weak:
         problems += _lost_lines(text)
     frame = _without_side_heading(frame, stated, layout, source)
