@@ -270,6 +270,9 @@ TIMES: list[Kind] = [
          {name: (25.0, 0.0), "Force": (25.0, 0.0)})
         for name in ("Tid 1", "Tempo 1")
     ),
+    ("time: a numbered channel that rises", "Time (s),Tempo 1,Force [kN]\n" + "".join(
+        f"{n * STEP:.2f},{20 + n / 2},{FORCE[n]}\n" for n in range(COUNT)),
+     {"Tempo 1": (25.0, 0.0), "Force": (25.0, 0.0)}),
     ("time: numbered columns of times without a unit",
      "Time 1,Force [kN],Time 2,Current [A]\n" + "".join(
          f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
@@ -382,6 +385,9 @@ NUMBERS: list[Kind] = [
     ("numbers: unit in each cell, another in the heading", "Time (s);Force [kN]\n" + "".join(
         f"{n * STEP:.2f};{f} N\n" for n, f in enumerate(FORCE)),
      ("column 'Force'", "its heading states 'kN', its cells 'N'")),
+    *((f"numbers: unit in each cell and {unit} in the heading", f"Time (s);Force [{unit}]\n"
+       + "".join(f"{n * STEP:.2f};{f} {cell}\n" for n, f in enumerate(FORCE)),
+       {"Force": (25.0, 0.0)}) for unit, cell in (("kn", "kN"), ("C", "°C"), ("µm/m", "um/m"))),
     ("numbers: unit in each cell and in the heading",
      "Time [sec];Force [kN];Current (A)\n" + "".join(
         f"{n * STEP:.2f} s;{f} kN;{CURRENT[n]} A\n" for n, f in enumerate(FORCE)), BOTH),
@@ -570,3 +576,20 @@ THROWS: list[Kind] = [
 ]  # fmt: skip
 
 TEXTS: list[Kind] = [*RATES, *TIMES, *STAMPS, *NUMBERS, *LOGGERS, *THROWS]
+
+REMARKS: list[tuple[str, str, tuple[str, ...]]] = [
+    *((f"{line}, beside times", f"{line}\n{HEAD}{rows(time=seconds)}", ())
+      for line in ("Duration: 10 s", "Frequency: 50 Hz", "Clock rate: 1 MHz", "Record time: 10 s")),
+    ("rows above the table", "1,2\n3,4\n5,6\n" + HEAD + rows(time=seconds),
+     ("3 rows of numbers above the table are left out",)),
+    ("numbers for channels", "time,machine,value\n" + "".join(
+        f"{n * STEP:.2f},{k},{FORCE[n]}\n" for n in range(COUNT) for k in (1, 2)),
+     ("column 'machine' is taken for the number of the channel",)),
+    *((f"{text} in a cell", "Time (s),Force\n" + "".join(
+        f"{n * STEP:.2f},{text if n == 3 else FORCE[n]}\n" for n in range(COUNT)), (remark,))
+      for text, remark in (
+          ("1.#IND00", "channel 'Force': 1 cell is empty, taken as missing"),
+          ("-1.#QNAN", "channel 'Force': 1 cell is empty, taken as missing"),
+          ("1.#INF", "channel 'Force': 1 cell is overload ('1.#INF'), taken as missing"))),
+]  # fmt: skip
+"""Texts that are read, and all that is said about them."""

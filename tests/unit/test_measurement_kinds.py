@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.unit.recording_files import FILES, Write
-from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, TEXTS, Read
+from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, REMARKS, TEXTS, Read
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.file_format import read_recording
@@ -62,3 +62,13 @@ def test_files(tmp_path: Path, suffix: str, write: Write, expected: Read | tuple
     path = tmp_path / f"throw{suffix}"
     write(path)
     check(path, expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "remarks"),
+    [pytest.param(text, remarks, id=name) for name, text, remarks in REMARKS],
+)
+def test_remarks(tmp_path: Path, text: str, remarks: tuple[str, ...]) -> None:
+    path = tmp_path / "throw.csv"
+    path.write_text(text, encoding="utf-8")
+    assert read_recording(path).problems == remarks

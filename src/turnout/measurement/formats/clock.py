@@ -125,8 +125,12 @@ def is_time_name(name: str) -> bool:
     return _TIME.fullmatch(word) is not None and re.fullmatch(r"t\d+", word) is None
 
 
-def is_numbered_channel(name: str, values: NDArray[np.floating], *, unit: str = "") -> bool:
-    """Return True if a column called as a time with a number holds none: it falls, in no unit.
+def is_numbered_channel(
+    name: str, values: NDArray[np.floating], *, unit: str = "", beside: bool = False
+) -> bool:
+    """Return True if a column called as a time with a number, without a unit, is a channel.
+
+    That is one that falls, or stands beside a time with its unit.
 
     Examples
     --------
@@ -136,6 +140,8 @@ def is_numbered_channel(name: str, values: NDArray[np.floating], *, unit: str = 
     if re.fullmatch(r"[^\d]+\d{1,2}", squeezed(name)) is None or is_time_unit(unit):
         return False
     steps = np.diff(values)
+    if beside:
+        return True
     return bool(steps.size) and np.count_nonzero(steps > 0) < _LEAST_RISING * steps.size
 
 

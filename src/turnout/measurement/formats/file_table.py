@@ -298,15 +298,17 @@ def _take_units(table: Table, place: int, values: Floats, units: list[str]) -> N
         raise ValueError(message)
     column, held = table.columns[place], tidy_unit(units[0])
     given = column.unit or unit_in_name(column.name)
+    if not is_unit(given) and given.lower() in ("", held.lower(), held.lower().lstrip("°")):
+        given = held
     times = is_time_unit(given) and is_time_unit(held)
-    if given and (seconds_of(given) != seconds_of(held) if times else tidy_unit(given) != held):
+    if seconds_of(given) != seconds_of(held) if times else tidy_unit(given) != held:
         message = (
             f"column '{label_of(table, place)}': its heading states '{given}', its cells "
             f"'{units[0]}'; leave one of the two units"
         )
         raise ValueError(message)
     table.values[place] = values
-    table.columns[place] = replace(column, unit=column.unit or held)
+    table.columns[place] = replace(column, unit=held)
 
 
 def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
@@ -365,7 +367,8 @@ def _name_axes(table: Table) -> None:
             continue
         if letter and column.unit and not is_time_unit(column.unit):
             continue
-        if is_numbered_channel(column.name, given, unit=column.unit):
+        beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
+        if is_numbered_channel(column.name, given, unit=column.unit, beside=beside):
             continue
         bare = letter and not is_time_unit(column.unit)
         if bare and not may_be_time(given, column.name, rate=single):
