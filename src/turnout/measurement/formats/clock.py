@@ -137,12 +137,11 @@ def is_numbered_channel(
     >>> is_numbered_channel("Tempo 1", np.array([3.0, 1.0, 2.0, 0.5]))
     True
     """
-    if re.fullmatch(r"[^\d]+\d{1,2}", squeezed(name)) is None or is_time_unit(unit):
+    timed = is_time_unit(unit.partition(" since ")[0])
+    if timed or re.fullmatch(r"\D+\d{1,2}", squeezed(name)) is None:
         return False
     steps = np.diff(values)
-    if beside:
-        return True
-    return bool(steps.size) and np.count_nonzero(steps > 0) < _LEAST_RISING * steps.size
+    return beside or int(np.count_nonzero(steps > 0)) < _LEAST_RISING * steps.size
 
 
 def unit_in_name(name: str) -> str:

@@ -198,7 +198,7 @@ def _holds_time(name: str, values: NDArray[Any], unit: str, clock: StatedClock |
     """Return False for a vector called t, T or Tempo 1 that holds something else."""
     bare, own = split_unit(_last(name))
     unit = unit or own
-    if is_numbered_channel(bare, values.astype(np.float64), unit=unit.partition(" since ")[0]):
+    if is_numbered_channel(bare, values.astype(np.float64), unit=unit):
         return False
     if len(bare) > 1 or is_time_unit(unit) or " since " in unit:
         return True
