@@ -151,7 +151,7 @@ def add_weighted_rows(weights: Floats, rows: Floats, to: Floats) -> None:
 def sum_weighted_rows(start: Floats, weights: Floats, rows: Floats, to: Floats) -> None:
     """Write a vector plus a weighted sum of the rows of a matrix, which may be wider, to another.
 
-    Vectors fill whole cache lines. Four to seven lines stay in registers while `ROWS_TOGETHER` rows
+    Vectors fill whole cache lines. Six or seven lines stay in registers while `ROWS_TOGETHER` rows
     are added in turn, each rounded once; so many sums hide that one waits for the one before.
     Further rows have a sum of their own, so that rounding grows less with their number.
 
@@ -181,9 +181,6 @@ def _sum_some_rows(start: Floats, weights: Floats, rows: Floats, to: Floats, fre
         else:
             _sum_seven_lines(start, weights, rows, to, at, fresh)
             at, lines = at + 7 * LANES, lines - 7
-    if lines >= 4:
-        _sum_four_lines(start, weights, rows, to, at, fresh)
-        at += 4 * LANES
     while at < to.size:
         total = _begin(start, at, fresh)
         for r in range(weights.size):
@@ -205,25 +202,6 @@ def _end(total: Floats, to: Floats, at: int, fresh: bool) -> None:
         store(total, to, at)
     else:
         store(load(to, at) + total, to, at)
-
-
-@compiled_loop
-def _sum_four_lines(
-    start: Floats, weights: Floats, rows: Floats, to: Floats, at: int, fresh: bool
-) -> None:
-    second, third, fourth = at + LANES, at + 2 * LANES, at + 3 * LANES
-    a, b = _begin(start, at, fresh), _begin(start, second, fresh)
-    c, d = _begin(start, third, fresh), _begin(start, fourth, fresh)
-    for r in range(weights.size):
-        weight, row = broadcast(weights[r]), rows[r]
-        a = multiply_add(weight, load(row, at), a)
-        b = multiply_add(weight, load(row, second), b)
-        c = multiply_add(weight, load(row, third), c)
-        d = multiply_add(weight, load(row, fourth), d)
-    _end(a, to, at, fresh)
-    _end(b, to, second, fresh)
-    _end(c, to, third, fresh)
-    _end(d, to, fourth, fresh)
 
 
 @compiled_loop
