@@ -9,7 +9,7 @@ from turnout.core import progress
 from turnout.core.progress import Pace, Progress
 
 START, FIRST, BATCHES, WORKERS = 6.0, 3.0, 30, 2
-"""Until the first throw is begun, what the first batch of a process takes more, [s]; batches."""
+"""Time before the first throw and more time of a first batch [s]; batches and processes."""
 
 
 @pytest.mark.parametrize("cost", [1.0, 4.0])

@@ -334,7 +334,7 @@ class Misfit:
         }
         far = {n: _of_some(reaches, vary, acting[n]) for n in numbers}
         slopes = {n: known.differences(n, acting[n]) if known else {} for n in numbers}
-        planes = self._planes(whole, acting, thrown, far, slopes)
+        planes = self._planes(whole, own, acting, thrown, far, slopes)
         found = Linearisation(
             values=whole,
             simulated=tuple(planes[n][0] for n in leaders),
@@ -368,13 +368,13 @@ class Misfit:
     def _planes(
         self,
         whole: Mapping[str, float],
+        own: Sequence[Mapping[str, float]],
         acting: Mapping[int, Sequence[Parameter]],
         thrown: dict[int, Thrown],
         far: Mapping[int, Floats],
         slopes: Mapping[int, Differences],
     ) -> dict[int, Plane]:
         """Throw movements on all sides of values, and return the plane of each."""
-        own = {n: self._inputs_of(whole, n) for n in acting}
         jobs: list[tuple[int, Mapping[str, float]]] = []
         for n, some in acting.items():
             count = len(_near(thrown[n], own[n], some, far[n])[0])

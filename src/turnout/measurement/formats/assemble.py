@@ -30,7 +30,7 @@ UNIT_WORDS = {
     **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
     **dict.fromkeys(("watt", "watts"), "W"),
     **dict.fromkeys(("newton", "newtons"), "N"),
-    **dict.fromkeys(("n m",), "Nm"),
+    "n m": "Nm",
     **dict.fromkeys(("second", "seconds", "sec", "sekunden"), "s"),
     **dict.fromkeys(("millisecond", "milliseconds", "msec"), "ms"),
     **dict.fromkeys(("celsius", "deg c", "°c", "gradc"), "°C"),
