@@ -24,6 +24,7 @@ from turnout.calibration.linearisation import REACH, plane_of, points_about, rea
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
 from turnout.calibration.predict import predicted
+from turnout.calibration.result_entries import distrust_reasons
 from turnout.panel.load import load_panel
 
 
@@ -57,6 +58,36 @@ def test_waves_of_the_cost_do_not_hold_a_fit(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("turnout.calibration.fit.SMOOTH_PASSES", 0)
     held = [off(fit(rough(seed=3), PARAMETERS, start)) for start in starts]
     assert np.abs(held).max() > 10.0
+
+
+def test_planes_without_an_end_are_no_convergence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("turnout.calibration.fit.SMOOTH_DECREASE", 0.0)
+    found = fit(rough(seed=3), PARAMETERS, {**TRUE, "k": 0.985 * TRUE["k"]})
+    assert not found.converged
+    (reason,) = distrust_reasons(found, spread_of(found))
+    assert reason.startswith("the last stage stopped after 8 planes before convergence")
+    assert "--fix" in reason
+    assert abs(off(found)) < 2.6
+
+
+def test_an_end_that_cannot_be_thrown_on_all_sides_is_no_convergence() -> None:
+    class Failing(Rough):
+        """No throw from 0.06 % beyond the true stiffness on."""
+
+        def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+            return [
+                replace(item, failure="stuck")
+                if float(str(throw.overrides["k"])) > 1.0006 * TRUE["k"]
+                else item
+                for throw, item in zip(throws, super().responses(throws), strict=True)
+            ]
+
+    whole = rough(seed=3)
+    whole.evaluator = Failing(load_panel("sb1"))
+    found = fit(whole, PARAMETERS, {**TRUE, "k": 0.985 * TRUE["k"]})
+    assert not found.converged
+    (reason,) = distrust_reasons(found, spread_of(found))
+    assert "stuck" in reason
 
 
 def test_intervals_hold_the_truth_of_a_rough_model() -> None:

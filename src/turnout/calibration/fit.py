@@ -303,8 +303,7 @@ def fit(
     found = replace(found, iterations=iterations)
     if not refined or poor:
         return found
-    smooth = smooth_end(found, first, on_step=on_step)
-    return smooth if smooth.converged else found
+    return smooth_end(found, first, on_step=on_step)
 
 
 @one_blas_thread()
@@ -326,7 +325,7 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
     Returns
     -------
     Fit
-        The same one where a throw cannot be simulated.
+        Not converged where planes come to no end, or a throw of them cannot be simulated.
     """
     names, misfit, values = [p.name for p in found.parameters], found.misfit, found.values
     known, J = found.local, found.jacobian
@@ -335,8 +334,9 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
         try:
             wide = reaches_of(found.parameters, J)
             local = misfit.smoothed(values, names, thrown, wide, known)
-        except SolverError:
-            return found
+        except SolverError as error:
+            message = f"stopped before planes through throws on all sides of its values: {error}"
+            return replace(found, message=message, converged=False)
         frame = framed(local, misfit)
         misfit = about_clock(misfit, frame)
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)

@@ -137,7 +137,9 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
     found = []
     if not final.converged:
         found.append(
-            f"the last stage {final.message}; calibrate again from the values reached (--set)"
+            f"the last stage {final.message}; values may be off by several of their deviations: "
+            "calibrate again from the values reached (--set), with more movements (--most), or "
+            "with a value fewer (--fix)"
         )
     for item, state in zip(final.parameters, spread.states, strict=True):
         if state == "at its bound":
