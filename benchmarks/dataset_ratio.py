@@ -3,9 +3,11 @@
     python -m benchmarks.dataset_ratio [--older FOLDER] [--count 9]
 
 Printed are medians and least values of runs in turn, in milliseconds of the process, and ratios of
-the least to those of a plain solution, with a 13 mm object on the default panel. The curve is that
-of sound chairs (`chair.friction_state`). With `--older` the sources of another checkout run in
-turns with these, each in processes of its own, and the ratio to it is of its plain solution.
+the least to those of a plain solution, with a 13 mm object on the default panel; a dataset is a
+throw as `simulate` returns it, its solution included. The curve is that of sound chairs
+(`chair.friction_state`); its dataset is compared with a plain one. With `--older` the sources of
+another checkout run in turns with these, each in processes of its own, and the ratio to it is of
+the same without a curve.
 """
 
 import argparse
@@ -45,7 +47,8 @@ def measured(count: int) -> Times:
             "dataset": partial(simulate, panel, foreign_object=foreign, scheme=scheme),
         }
         if curved is not None:
-            parts["friction curve"] = partial(solve, curved, foreign_object=foreign, scheme=scheme)
+            parts["curve solution"] = partial(solve, curved, foreign_object=foreign, scheme=scheme)
+            parts["curve dataset"] = partial(simulate, curved, foreign_object=foreign, scheme=scheme)
         for number in range(count + 1):
             for name, part in parts.items():
                 begun = time.process_time()
@@ -82,11 +85,13 @@ def main() -> None:
                 found[name][what] += times
     for name, by_part in found.items():
         for what, times in by_part.items():
-            plain = f"{what.split()[0]} solution"
+            mode, kind = what.split()[0], what.split()[-1]
+            plain = f"{mode} {kind if 'curve' in what else 'solution'}"
             line = f"{name:<6}{what:<24}{statistics.median(times):7.2f} ms, least {min(times):6.2f}"
-            line += f", {min(times) / min(by_part[plain]):.3f} of the solution"
+            line += f", {min(times) / min(by_part[plain]):.3f} of the plain {plain.split()[-1]}"
             if "older" in found and name == "this":
-                line += f", {min(times) / min(found['older'][plain]):.3f} of the older solution"
+                own = f"{mode} {kind}"
+                line += f", {min(times) / min(found['older'][own]):.3f} of the older plain {kind}"
             print(line)
 
 

@@ -11,9 +11,11 @@ Rails of which there is a single throw give nothing back.
 """
 
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
 from turnout.solver.compliance import READY, STALE
@@ -40,11 +42,14 @@ class Frame:
     templates : dict
         States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy;
         rails of other sections share them.
+    feet : dict
+        Modes at the feet of frictions whose curves follow speed, by the rows of the frictions.
     """
 
     system: System
     places: Places
     templates: Templates
+    feet: dict[bytes, dict[str, NDArray[Any]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -278,7 +278,7 @@ def set_up_run(
         n_stored=n_stored,
         velocity=velocity,
         obstructions=_set_up_obstructions(mechanism.obstructions, table),
-        courses=_set_up_courses(mechanism.courses, arrangement.system, table),
+        courses=_set_up_courses(mechanism.courses, arrangement.frame, table),
         present=present_at_start(of_run),
         record=record,
     )
@@ -349,10 +349,15 @@ def _without_obstructions() -> Obstructions:
     return shared_record(no_obstructions())
 
 
-def _set_up_courses(courses: FrictionCourses, system: System, table: LawTable) -> FrictionCourses:
+def _set_up_courses(courses: FrictionCourses, frame: Frame, table: LawTable) -> FrictionCourses:
     """Return the courses of a run; without any, all runs share them."""
     if courses.has_curves:
-        courses = courses._replace(**_foot_modes(system, table))
+        rows = table.friction_row.tobytes()
+        feet = frame.feet.get(rows)
+        if feet is None:
+            feet = frame.feet[rows] = _foot_modes(frame.system, table)
+        width = feet["modes"].shape[1]
+        courses = courses._replace(**feet, speed=np.zeros(feet["feet"].size * width))
     elif not courses.friction.size:
         return _without_courses()
     return shared_record(courses)
@@ -380,7 +385,6 @@ def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
         "feet": count,
         "modes": modes,
         "speed_of": as_unsigned(place[number]),
-        "speed": np.zeros(count.size * width),
     }
 
 

@@ -263,7 +263,9 @@ def solve_placed(
 
     `watch` says for a mechanism what alone is wanted of its run.
     """
-    return solve_planned(plan_throw(panel, objects, scheme=scheme, watch=watch), report=report)
+    with one_blas_thread():  # nested limits are free
+        planned = plan_throw(panel, objects, scheme=scheme, watch=watch)
+        return solve_planned(planned, report=report)
 
 
 @dataclass(frozen=True, slots=True)
