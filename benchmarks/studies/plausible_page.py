@@ -18,17 +18,16 @@ import numpy as np
 
 from benchmarks.page import EVIDENCE, put
 from turnout.calibration.case import load_panel_or_case
-from turnout.calibration.matching.fact_emulator import farthest_points
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
-from turnout.calibration.matching.match import Matching, match_panel, thrower_at
-from turnout.calibration.matching.remaining import (
+from turnout.calibration.matching.match import Matching, farthest_points, match_panel, thrower_at
+from turnout.calibration.matching.survey import (
     answer_rows,
     combinations,
     fixed_direction,
     gains,
     ranges,
+    survey,
 )
-from turnout.calibration.matching.survey import survey
 from turnout.metric.panel_check import (
     blind_concerns,
     concerns,

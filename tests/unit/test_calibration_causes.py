@@ -21,10 +21,10 @@ from turnout.calibration.causes import (
     with_causes,
     without_needless,
 )
+from turnout.calibration.comparison import predicted
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import SolverError

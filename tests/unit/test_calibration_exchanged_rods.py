@@ -7,8 +7,8 @@ import pytest
 from tests.unit.simulated import sb2_panel
 
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
-from turnout.calibration.exchanged_rods import panel_rod_check
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
+from turnout.calibration.requirements import panel_rod_check
 from turnout.measurement.campaign.sheet_checks import RodCheck
 
 TIME = (np.arange(100) + 0.5) * BIN

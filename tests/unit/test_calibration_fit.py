@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 
 from turnout.calibration import fit as fitting
-from turnout.calibration.comparison import Comparison, Uncertainty
+from turnout.calibration.comparison import (
+    Comparison,
+    Noise,
+    Uncertainty,
+    measured_noise,
+    missed_by_model,
+    predicted,
+)
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
-from turnout.calibration.noise import Noise, measured_noise, missed_by_model
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.predict import predicted
 from turnout.calibration.result_entries import distrust_reasons
 from turnout.panel.load import load_panel
 

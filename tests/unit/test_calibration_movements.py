@@ -10,8 +10,8 @@ from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
 from turnout.calibration.covariance import drift_finding
 from turnout.calibration.fit import Fit, fit
-from turnout.calibration.fitted_file import fitted_signals, movement_rows
 from turnout.calibration.result import load_calibration
+from turnout.calibration.result_entries import fitted_signals, movement_rows
 from turnout.core.errors import ResponseError
 from turnout.figures.calibration import plot_fit
 

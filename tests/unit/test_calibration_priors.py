@@ -7,12 +7,12 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
 from turnout.calibration import sensors
+from turnout.calibration.comparison import predicted, prediction
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit, shared_estimates
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.predict import predicted, prediction
 from turnout.calibration.sensors import (
     FoundSensor,
     Stated,

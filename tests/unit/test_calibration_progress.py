@@ -6,17 +6,15 @@ from typing import Any
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, alike, misfit
 
-from turnout.calibration import stage_progress
-from turnout.calibration.causes import first_verdict
-from turnout.calibration.comparison import Key
-from turnout.calibration.fit import fit
-from turnout.calibration.noise import peaks_of
-from turnout.calibration.stage_progress import (
+from turnout.calibration.calibrate import (
     CalibrationProgress,
     ProgressReporter,
     TimeIsUp,
     work_of_search,
 )
+from turnout.calibration.causes import first_verdict
+from turnout.calibration.comparison import Key, peaks_of
+from turnout.calibration.fit import fit
 from turnout.cli.calibrate import stage_line
 from turnout.panel.load import load_panel
 
@@ -28,7 +26,7 @@ class Watched:
 
     def __init__(self, patch: pytest.MonkeyPatch, clock: tuple[float, ...], **plan: float) -> None:
         monotonic = iter(clock).__next__
-        patch.setattr(stage_progress, "time", SimpleNamespace(monotonic=monotonic))
+        patch.setattr("turnout.calibration.calibrate.time", SimpleNamespace(monotonic=monotonic))
         self.states: list[CalibrationProgress] = []
         self.evaluator: Any = SimpleNamespace(made=0, work=0.0)
         self.watch = ProgressReporter(self.states.append, 1, **plan)

@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from tests.unit.test_calibration_fit import TRUE, movement, response
 
+from turnout.calibration.comparison import predicted
 from turnout.calibration.measured_movements import BIN, _Bins, _recorder
-from turnout.calibration.predict import predicted
 from turnout.calibration.validation.seen_throws import Grid
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import apply_chain, parse_channel_map

@@ -17,13 +17,13 @@ from tests.unit.test_calibration_fit import (
     response,
 )
 
+from turnout.calibration.comparison import predicted
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.linearisation import REACH, plane_of, points_about, reaches_of
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.predict import predicted
 from turnout.calibration.result_entries import distrust_reasons
 from turnout.panel.load import load_panel
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from turnout.calibration.validation.band_parts import ENOUGH, BandParts, coverage_limits
+from turnout.calibration.validation.prediction_bands import ENOUGH, BandParts, coverage_limits
 
 
 def parts(

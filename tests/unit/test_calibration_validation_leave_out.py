@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from turnout.calibration.validation.leave_out import LeftOut, leave_out_places
+from turnout.calibration.validation.prediction_bands import LeftOut, leave_out_places
 
 PLACES = ["none", "none", "drive 1", "drive 1", "sleeper 7", "drive 2"]
 

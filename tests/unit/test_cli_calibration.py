@@ -65,7 +65,7 @@ def test_a_calibration_that_is_not_to_be_trusted_is_written_and_says_so(
         "turnout.calibration.calibrate.calibrate",
         lambda *_, **__: SimpleNamespace(calibration=made[-1], sweeps=(), final=None, ended=""),
     )
-    monkeypatch.setattr("turnout.calibration.fitted_file.save_signals", lambda *_: None)
+    monkeypatch.setattr("turnout.calibration.result_entries.save_signals", lambda *_: None)
     out = tmp_path / "c.toml"
     line = ("calibrate", tmp_path, "--panel", "sb1", "-o", out, "--workers", "1")
     made.append(known)

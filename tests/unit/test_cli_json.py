@@ -15,7 +15,7 @@ from tests.unit.campaigns import copied
 from tests.unit.sweeps import here, small_study, study_file
 from typer.testing import CliRunner
 
-from turnout.calibration.fitted_file import signals_path
+from turnout.calibration.result_entries import signals_path
 from turnout.cli.main import app
 from turnout.measurement.formats.file_format import write_recording
 from turnout.measurement.recording import RecordedChannel, Recording
@@ -150,7 +150,7 @@ def test_a_calibration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         lambda *_, **__: SimpleNamespace(calibration=known, sweeps=(), final=None),
     )
     monkeypatch.setattr(
-        "turnout.calibration.fitted_file.save_signals",
+        "turnout.calibration.result_entries.save_signals",
         lambda _, __, record: signals_path(record).touch(),
     )
     line = ("calibrate", tmp_path, "--panel", "sb1", "-o", tmp_path / "c.toml")

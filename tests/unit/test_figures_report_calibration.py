@@ -10,7 +10,7 @@ import xarray as xr
 from tests.unit.calibrations import calibration, fitted
 from typer.testing import CliRunner
 
-from turnout.calibration.fitted_file import signals_path
+from turnout.calibration.result_entries import signals_path
 from turnout.cli.calibrate import result_lines
 from turnout.cli.main import app
 from turnout.core.channels import SCHEMA_VERSION

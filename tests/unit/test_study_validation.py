@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from turnout.calibration.validation.acceptance import judge
-from turnout.calibration.validation.band_parts import Direction, scatter_of
-from turnout.calibration.validation.power import TIMES, _size
+from turnout.calibration.validation.acceptance import TIMES, _size, judge
+from turnout.calibration.validation.prediction_bands import Direction, scatter_of
 from turnout.calibration.validation.verdict_text import acceptance_lines, page_text, table_text
 from turnout.core.errors import ResponseError
 from turnout.figures.validation import plot_comparison, plot_error_map

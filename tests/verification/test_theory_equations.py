@@ -15,7 +15,7 @@ from tests.verification.hand_made import LEDGER, STORED, hand_made, linear_sprin
 from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_record import SectionProperties
-from turnout.calibration.noise import Noise
+from turnout.calibration.comparison import Noise
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.object_rows import offnode_row
 from turnout.solver.integration import History

@@ -9,11 +9,10 @@ import xarray as xr
 
 from turnout.api.campaign import Campaign, checked_panel, dataset_of, throw_store_of
 from turnout.calibration.advice import stated_shares
+from turnout.calibration.calibrate import CalibrationProgress
 from turnout.calibration.calibrate import calibrate as fit_stages
-from turnout.calibration.requirements import check_provenance
-from turnout.calibration.result import Calibration
+from turnout.calibration.result import Calibration, check_provenance
 from turnout.calibration.result import load_calibration as read_record
-from turnout.calibration.stage_progress import CalibrationProgress
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import FileError
 from turnout.core.html_table import html_table

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.calibration.comparison import predicted
 from turnout.calibration.covariance import (
     Spread,
     force_channels,
@@ -30,7 +31,6 @@ from turnout.calibration.parameter import (
     prior_information,
     prior_slopes,
 )
-from turnout.calibration.predict import predicted
 from turnout.calibration.sensors import FoundSensor
 from turnout.calibration.shared import GAIN, shared_of
 from turnout.core.errors import PanelError, SolverError

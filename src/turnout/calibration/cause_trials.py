@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from turnout.calibration.candidate_causes import Cause
-from turnout.calibration.drive_laws import level_key
+from turnout.calibration.candidate_causes import Cause, level_key
+from turnout.calibration.comparison import predicted
 from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import Frame, Misfit, about_clock, framed, jacobian
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.predict import predicted
 from turnout.calibration.shared import effective_samples, model_error
 
 Floats = NDArray[np.float64]

@@ -22,14 +22,12 @@ from turnout.calibration.cause_trials import (
     own_levels,
     with_cause,
 )
-from turnout.calibration.comparison import Key
+from turnout.calibration.comparison import Key, peaks_of
 from turnout.calibration.evaluate import Evaluator, throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
-from turnout.calibration.measured_movements import OBJECT_FORCE
+from turnout.calibration.measured_movements import OBJECT_FORCE, channel_name
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.noise import peaks_of
 from turnout.calibration.parameter import prior_slopes
-from turnout.calibration.result_entries import channel_name
 from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
 from turnout.calibration.shared import CLOCK, effective_samples, model_error
 from turnout.core.errors import SolverError

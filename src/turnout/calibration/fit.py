@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.calibration.comparison import Comparison, Key
+from turnout.calibration.comparison import Comparison, Key, compared, missed_by_model, predicted
 from turnout.calibration.evaluate import Response
 from turnout.calibration.linearisation import (
     REACH,
@@ -36,7 +36,6 @@ from turnout.calibration.misfit import (
     shared_corrections,
     slopes_of,
 )
-from turnout.calibration.noise import missed_by_model
 from turnout.calibration.parameter import (
     Parameter,
     coordinates,
@@ -44,7 +43,6 @@ from turnout.calibration.parameter import (
     prior_slopes,
     values_at,
 )
-from turnout.calibration.predict import compared, predicted
 from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
 from turnout.core.errors import SolverError
 from turnout.core.running_current import MAD_TO_SIGMA

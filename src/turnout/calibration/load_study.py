@@ -114,8 +114,7 @@ def apply_calibration(
     if calibration is None:
         return panel, ()
     # Only a study that names a calibration waits for what reads it.
-    from turnout.calibration.requirements import check_provenance
-    from turnout.calibration.result import load_calibration
+    from turnout.calibration.result import check_provenance, load_calibration
 
     known = load_calibration(calibration)
     remarks = tuple(f"{calibration}: {text}" for text in check_provenance(known, panel))

@@ -40,6 +40,11 @@ SAME_PLACE = 0.05
 OBJECT_FORCE = "object_force"
 
 
+def channel_name(channel: str, drive: str) -> str:
+    """Name a channel, and its drive where it has one."""
+    return f"{channel} of drive {drive}" if drive else channel
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Signal:
     """One channel of one movement, over bins of time.
@@ -63,11 +68,6 @@ class Signal:
     time: Floats
     values: Floats
     recorder: Recorder = PERFECT
-
-    @property
-    def name(self) -> str:
-        """Channel and drive, as in texts."""
-        return f"{self.channel} of drive {self.drive}" if self.drive else self.channel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,22 +1,32 @@
 """Checks of a calibration's input and result.
 
-Before the fit: whether a campaign suffices for the stages, and objects that do not fit between the
-rails. After it: slip levels that are bounded from below only, and the panel of a calibration.
+Before the fit: whether a campaign suffices for the stages, columns of rods that are exchanged, and
+objects that do not fit between the rails. After it: slip levels that are bounded from below only.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.calibration.comparison import predicted
+from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import Fit
 from turnout.calibration.linearisation import is_slip_level, touches
-from turnout.calibration.measured_movements import MeasuredMovement, selected
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe, selected
 from turnout.calibration.parameter import Parameter
-from turnout.calibration.result import Calibration
-from turnout.calibration.stages import NONE, CalibrationPlan
+from turnout.calibration.stages import NONE, CalibrationPlan, spread
 from turnout.core.errors import MeasurementError
+from turnout.measurement.campaign.sheet_checks import (
+    UNCHECKABLE,
+    RodCheck,
+    rises,
+    rises_most,
+    rod_check,
+    swap_remarks,
+)
 from turnout.panel.load import LoadedPanel
 from turnout.throw.object_fit import object_fits
 
@@ -173,27 +183,141 @@ def _least(residuals: Floats, slopes: Floats) -> float:
     return float(rest @ rest)
 
 
-def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
-    """Say why a calibration is not trustworthy, or that it is of another panel, by hash.
+# Movements that are thrown, and how many times as much as any other the panel must load a rod: its
+# stiffnesses may be far off. Beyond the second they cannot be so far off that another rod is loaded
+# most, so that objects need not have loaded both rods; that takes three movements.
+MOST, CLEARLY, BY_FAR, LEAST_ALONE = 12, 2.0, 5.0, 3
+
+
+def refuse_exchanged_rods(
+    dataset: xr.Dataset, movements: Sequence[MeasuredMovement], evaluator: Evaluator
+) -> list[str]:
+    """Refuse a campaign whose rods are exchanged, where its places alone do not show it.
 
     Parameters
     ----------
-    calibration : Calibration
-        Its attributes hold the hash of its panel.
-    *panels : LoadedPanel
-        The same panel before and after what a user sets.
+    dataset : xarray.Dataset
+        As it was built, which says whether objects at drives have shown it.
+    movements : sequence of MeasuredMovement
+        Of that dataset.
+    evaluator : Evaluator
+        Open; throws the panel as it is before the fit.
 
     Returns
     -------
-    tuple of str
-        Empty where it is trustworthy and belongs to one of them.
+    list of str
+        A warning where it cannot be checked.
+
+    Raises
+    ------
+    MeasurementError
+        When columns are exchanged.
     """
-    found = tuple(f"is not trustworthy: {text}" for text in calibration.distrust)
-    if calibration.panel_hash in [panel.hash for panel in panels]:
-        return found
-    return (
-        *found,
-        f"the calibration is of panel {calibration.panel} with hash {calibration.panel_hash[:12]}, "
-        f"not of {panels[0].name} with hash {panels[0].hash[:12]}; its values are used "
-        "anyway",
-    )
+    if "rods_checked" in dataset.attrs or dataset.sizes["drive"] < 2:
+        return []
+    found = panel_rod_check(movements, evaluator)
+    if found.pair:
+        source = str(dataset.attrs.get("title", "campaign"))
+        raise MeasurementError(swap_remarks(found.pair), source=source)
+    return [] if found.checked else [UNCHECKABLE]
+
+
+def rod_warnings(
+    dataset: xr.Dataset, movements: Sequence[MeasuredMovement], evaluator: Evaluator
+) -> list[str]:
+    """Return warnings on rods that were not measured, or may be exchanged; refuse those that are.
+
+    Takes and raises what `refuse_exchanged_rods` does.
+    """
+    return [
+        *unmeasured_drives(movements, evaluator.panel),
+        *refuse_exchanged_rods(dataset, movements, evaluator),
+    ]
+
+
+def rod_remarks(dataset: xr.Dataset, panel: LoadedPanel) -> list[str]:
+    """Return a remark on rods that are exchanged, or where it cannot be checked with a panel.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A built campaign.
+    panel : LoadedPanel
+        Of the switch that was measured.
+    """
+    with Evaluator(panel) as evaluator:
+        try:
+            return refuse_exchanged_rods(dataset, observe(dataset, panel), evaluator)
+        except MeasurementError as error:
+            return list(error.problems)
+
+
+def panel_rod_check(movements: Sequence[MeasuredMovement], evaluator: Evaluator) -> RodCheck:
+    """Return whether rods are exchanged: forces rise at other drives than in throws of the panel.
+
+    A rise is what a rod carries beyond its force without an object, as a mean over the movement.
+    Movements count in which the panel loads one rod at least twice as much as any other. The rods
+    of two drives are exchanged where the force rises at the other one in each of them, with objects
+    that load either, or where one rod alone was loaded by far.
+
+    Parameters
+    ----------
+    movements : sequence of MeasuredMovement
+        From `observe`.
+    evaluator : Evaluator
+        Open.
+    """
+    drives = tuple(evaluator.panel.drive)
+    whole = [item for item in movements if _has_rods(item, drives)]
+    free = {
+        item.direction: [
+            other for other in whole if not other.size and other.direction == item.direction
+        ]
+        for item in whole
+    }
+    loaded = [item for item in whole if item.size and free[item.direction]]
+    loaded.sort(key=lambda item: (item.x, item.size))
+    loaded = [loaded[number] for number in sorted(spread(len(loaded), MOST))]
+    if not loaded:
+        return RodCheck()
+    inputs = [ThrowInputs(overrides={}, quick=True)]
+    inputs += [ThrowInputs(overrides={}, place=i.place, size=i.size, quick=True) for i in loaded]
+    plain, *responses = evaluator.responses(inputs)
+    votes, strong = [], []
+    for item, response in zip(loaded, responses, strict=True):
+        if response.failure or plain.failure:
+            continue
+        rows = [_forces(other, drives, item) for other in free[item.direction]]
+        measured = rises_most(rises(_forces(item, drives, item), np.stack(rows)))
+        made = [
+            np.stack([_simulated(one, item, drive) for drive in drives])
+            for one in (response, plain)
+        ]
+        rise = rises(made[0], made[1][None])
+        expected = rises_most(rise, times=CLEARLY)
+        if measured is not None and expected is not None:
+            votes.append((drives[expected], drives[measured]))
+            strong.append(rises_most(rise, times=BY_FAR) is not None)
+    return rod_check(votes, both=sum(strong) < LEAST_ALONE)
+
+
+def _has_rods(item: MeasuredMovement, drives: Sequence[str]) -> bool:
+    """Return whether a movement has the force of every drive."""
+    return {s.drive for s in item.signals if s.channel == "drive_force"} >= set(drives)
+
+
+def _bins(item: MeasuredMovement) -> NDArray[np.intp]:
+    time = item.signals[0].time
+    return np.flatnonzero((time >= 0.0) & (time + 0.5 * BIN <= item.length))
+
+
+def _forces(item: MeasuredMovement, drives: Sequence[str], of: MeasuredMovement) -> Floats:
+    """Return the forces of a movement over the bins of another one, shape (n_drives, n) [N]."""
+    rows = {s.drive: s.values for s in item.signals if s.channel == "drive_force"}
+    return np.stack([rows[drive][_bins(of)] for drive in drives])
+
+
+def _simulated(response: Response, item: MeasuredMovement, drive: str) -> Floats:
+    """Return what the rod of a drive shows of a simulation, in the bins of a movement [N]."""
+    (signal,) = (s for s in item.signals if (s.channel, s.drive) == ("drive_force", drive))
+    return predicted(response, item, signal, _bins(item))

@@ -380,3 +380,29 @@ def _stage_lines(stage: StageLog) -> list[str]:
         )
         lines.append(f"sweep = {{ {', '.join(rows)} }}")
     return lines
+
+
+def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:
+    """Say why a calibration is not trustworthy, or that it is of another panel, by hash.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Its attributes hold the hash of its panel.
+    *panels : LoadedPanel
+        The same panel before and after what a user sets.
+
+    Returns
+    -------
+    tuple of str
+        Empty where it is trustworthy and belongs to one of them.
+    """
+    found = tuple(f"is not trustworthy: {text}" for text in calibration.distrust)
+    if calibration.panel_hash in [panel.hash for panel in panels]:
+        return found
+    return (
+        *found,
+        f"the calibration is of panel {calibration.panel} with hash {calibration.panel_hash[:12]}, "
+        f"not of {panels[0].name} with hash {panels[0].hash[:12]}; its values are used "
+        "anyway",
+    )

@@ -327,7 +327,7 @@ def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float
 
     Examples
     --------
-    >>> from turnout.calibration.noise import Noise
+    >>> from turnout.calibration.comparison import Noise
     >>> stated = xr.Dataset(attrs={"gain_uncertainty": '{"drive_force.1": 0.002}'})
     >>> known = {("drive_force", "1"): Noise(white=1.0), ("object_force", ""): Noise(white=1.0)}
     >>> list(stated_gains(stated, Comparison(noise=known)).values())

@@ -19,9 +19,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.comparison import Alignment, Comparison, Key
+from turnout.calibration.comparison import (
+    LONGEST,
+    MISSED,
+    POOR,
+    Alignment,
+    Comparison,
+    Key,
+    Noise,
+    decay_time,
+    peaks_of,
+)
 from turnout.calibration.measured_movements import BIN, MeasuredMovement
-from turnout.calibration.noise import LONGEST, MISSED, POOR, Noise, decay_time, peaks_of
 
 Floats = NDArray[np.float64]
 # Eigenvectors of a discrepancy that are kept at most, and the share of its variance that is enough.

@@ -1,9 +1,11 @@
-"""Starts of a fit: near by, or in several places where stages were skipped."""
+"""Starts of a fit: grids as published, near by, or in several places where stages were skipped."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.calibration.causes import (
     CAUSE_STEPS,
@@ -13,13 +15,174 @@ from turnout.calibration.causes import (
     is_worth_a_search,
     missed_share,
 )
+from turnout.calibration.comparison import align, predicted
+from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit, brief_fit, fit, update_movement_effects
-from turnout.calibration.grid_search import misfit_share, other_minima, sweep
-from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.objects import THICKER, thickness_name
 from turnout.calibration.parameter import Parameter, coordinates, values_at
 from turnout.core.errors import SolverError
+
+Floats = NDArray[np.float64]
+# A minimum of the grid whose misfit is at most so many times the least may be the deeper one [-].
+DEEP_ENOUGH = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GridSearch:
+    """Misfit over a grid.
+
+    Attributes
+    ----------
+    parameter : Parameter
+        That was swept.
+    grid : tuple of float
+        Values of the parameter that were tried, in SI, rising.
+    misfit : tuple of float
+        Root mean square of measured less simulated, as share of each channel's range; infinite
+        where a simulation failed.
+    values : mapping of str to float
+        Of all parameters at the best value of the grid.
+    curves : xarray.Dataset
+        Of one movement, to draw: `drive_force` (value, drive, time), `object_force` (value, time),
+        and the same with "measured_" in front, without value.
+    """
+
+    parameter: Parameter
+    grid: tuple[float, ...]
+    misfit: tuple[float, ...]
+    values: Mapping[str, float]
+    curves: xr.Dataset
+
+
+def sweep(
+    misfit: Misfit, parameter: Parameter, grid: Sequence[float], values: Mapping[str, float]
+) -> GridSearch:
+    """Try each value of a grid, with the force at which drives slip as it is and as measured.
+
+    Parameters
+    ----------
+    misfit : Misfit
+        Movements and how they are compared.
+    parameter : Parameter
+        Parameter that takes the values of the grid.
+    grid : sequence of float
+        Its values, those within its bounds are tried.
+    values : mapping of str to float
+        Of all parameters.
+
+    Returns
+    -------
+    GridSearch
+    """
+    tried = tuple(value for value in grid if parameter.lower <= value <= parameter.upper)
+    bases = [dict(values)]
+    measured = _slip_levels(misfit, values)
+    if measured != values:
+        bases.append(measured)
+    points = [{**base, parameter.name: value} for base in bases for value in tried]
+    made = misfit.responses(points)
+    sizes = [misfit_share(misfit, row) for row in made]
+    count = len(tried)
+    per_value = [min(sizes[n::count]) for n in range(count)]
+    best = int(np.argmin(sizes))
+    shown = int(np.argmax([movement.direction == "closing" for movement in misfit.movements]))
+    base = best // count
+    rows = [made[base * count + n][shown] for n in range(count)]
+    return GridSearch(
+        parameter=parameter,
+        grid=tried,
+        misfit=tuple(per_value),
+        values=points[best],
+        curves=_curves(misfit.movements[shown], tried, rows)
+        .assign(misfit=("value", per_value))
+        .assign_attrs(parameter=parameter.name, unit=parameter.unit),
+    )
+
+
+def _slip_levels(misfit: Misfit, values: Mapping[str, float]) -> dict[str, float]:
+    """Return values with the largest measured force of each drive as its slip level."""
+    changed = dict(values)
+    for item in misfit.parameters:
+        for key in item.keys:
+            parts = key.split(".")
+            if len(parts) != 3 or parts[0] != "drive" or parts[2] != "saturation_force":
+                continue
+            largest = [
+                float(np.nanmax(np.abs(signal.values)))
+                for movement in misfit.movements
+                for signal in movement.signals
+                if signal.channel == "drive_force" and signal.drive == parts[1]
+            ]
+            if largest and item.vary:
+                changed[item.name] = min(max(max(largest), item.lower), item.upper)
+    return changed
+
+
+def other_minima(grid: Sequence[float], misfit: Sequence[float]) -> list[float]:
+    """Return where else than at its best a misfit has a minimum that may be the deeper one.
+
+    Parameters
+    ----------
+    grid, misfit : sequence of float
+        Values that were tried, rising, and what each leaves.
+
+    Examples
+    --------
+    >>> other_minima([1.0, 2.0, 3.0, 4.0, 5.0], [0.3, 0.2, 0.4, 0.25, 0.5])
+    [4.0]
+    >>> other_minima([1.0, 2.0, 3.0, 4.0, 5.0], [0.3, 0.2, 0.4, 0.45, 0.5])
+    []
+    """
+    edged = [float("inf"), *misfit, float("inf")]
+    least = min(misfit)
+    return [
+        value
+        for value, before, here, after in zip(grid, edged, misfit, edged[2:], strict=False)
+        if least < here <= DEEP_ENOUGH * least and here < before and here < after
+    ]
+
+
+def misfit_share(misfit: Misfit, responses: Sequence[Response]) -> float:
+    """Return the root mean square of what is left, over each channel's range."""
+    squares: list[Floats] = []
+    for movement, response in zip(misfit.movements, responses, strict=True):
+        if response.failure:
+            return float("inf")
+        alignment = align(movement, response, comparison=misfit.comparison, sensitivities={})
+        row, first = alignment.measured - alignment.predicted(response), 0
+        for _, bins in alignment.parts:
+            piece = slice(first, first + bins.size)
+            width = float(np.ptp(alignment.measured[piece]))
+            squares.append((row[piece] / max(width, 1.0)) ** 2)
+            first += bins.size
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _curves(
+    movement: MeasuredMovement, grid: Sequence[float], rows: Sequence[Response]
+) -> xr.Dataset:
+    """Return measured and simulated signals of a movement, on the time of its bins."""
+    time = movement.signals[0].time
+    inside = np.flatnonzero((time >= -0.2) & (time + BIN <= movement.length))
+    drives = [signal.drive for signal in movement.signals if signal.channel == "drive_force"]
+
+    def simulated(signal: Signal) -> Floats:
+        return np.array([predicted(row, movement, signal, inside) for row in rows])
+
+    forces = [signal for signal in movement.signals if signal.channel == "drive_force"]
+    variables: dict[str, object] = {
+        "measured_drive_force": (("drive", "time"), np.array([s.values[inside] for s in forces])),
+        "drive_force": (("value", "drive", "time"), np.stack([simulated(s) for s in forces], 1)),
+    }
+    for signal in movement.signals:
+        if signal.channel == "object_force":
+            variables["measured_object_force"] = ("time", signal.values[inside])
+            variables["object_force"] = (("value", "time"), simulated(signal))
+    coordinates = {"time": time[inside], "drive": drives, "value": list(grid)}
+    return xr.Dataset(variables, coordinates, {"movement": movement.text})
+
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2

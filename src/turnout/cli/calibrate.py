@@ -28,9 +28,9 @@ from turnout.measurement.campaign.campaign_folder import throw_store
 if TYPE_CHECKING:
     import xarray as xr
 
-    from turnout.calibration.grid_search import GridSearch
+    from turnout.calibration.calibrate import CalibrationProgress
     from turnout.calibration.result import Calibration
-    from turnout.calibration.stage_progress import CalibrationProgress
+    from turnout.calibration.starts import GridSearch
 
 SECONDS_BETWEEN_LINES = 2.0
 CAUSES = ("all", "none")
@@ -117,7 +117,7 @@ def calibrate_command(
             panel_shares=shares,
             report=None if quiet else _Said(log),
         )
-    from turnout.calibration.fitted_file import save_signals, signals_path
+    from turnout.calibration.result_entries import save_signals, signals_path
 
     calibration = outcome.calibration
     calibration.save(out)

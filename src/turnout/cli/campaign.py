@@ -91,7 +91,7 @@ def _is_exchanged(campaign: "BuiltCampaign") -> bool:
 
 def _with_panel(campaign: "BuiltCampaign", panel: "LoadedPanel") -> "BuiltCampaign":
     """Return a campaign with the panel's remarks on its rods in place of the unchecked one."""
-    from turnout.calibration.exchanged_rods import rod_remarks
+    from turnout.calibration.requirements import rod_remarks
     from turnout.measurement.campaign.sheet_checks import UNCHECKED
 
     if campaign.dataset is None or UNCHECKED not in campaign.remarks:

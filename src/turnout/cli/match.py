@@ -19,8 +19,7 @@ from turnout.core.value_text import shown_unit
 if TYPE_CHECKING:
     from turnout.calibration.matching.facts import Facts
     from turnout.calibration.matching.match import Matching
-    from turnout.calibration.matching.remaining import Gain, Range
-    from turnout.calibration.matching.survey import Floats, Survey
+    from turnout.calibration.matching.survey import Floats, Gain, Range, Survey
 
 MOST_PAIR_PARAMETERS = 8
 """Parameters of the pair plot: those of which the facts leave least."""
@@ -69,9 +68,8 @@ def match_command(
 
 
 def _write(output: Output, facts: "Facts", shown: "Survey", *, choose: int) -> None:
-    from turnout.calibration.matching.fact_emulator import farthest_points
-    from turnout.calibration.matching.remaining import ranges
-    from turnout.calibration.matching.survey import study_text
+    from turnout.calibration.matching.match import farthest_points
+    from turnout.calibration.matching.survey import ranges, study_text
     from turnout.figures.pairs import plot_pairs
 
     study, plot = output["study"], output["plot"]
@@ -99,7 +97,7 @@ def _axis(name: str, unit: str) -> tuple[str, float]:
 
 def match_record(found: "Matching", shown: "Survey") -> dict[str, Any]:
     """Return a matching for `--json`, in SI."""
-    from turnout.calibration.matching.remaining import answer_rows, combinations, gains, ranges
+    from turnout.calibration.matching.survey import answer_rows, combinations, gains, ranges
 
     facts, points = found.facts, shown.points
     known = len(points) > 2
@@ -137,7 +135,7 @@ def waves(found: "Matching") -> list[dict[str, float]]:
 
 def match_lines(found: "Matching", points: "Floats", record: Mapping[str, Any]) -> list[str]:
     """Return a matching, and what its record says, as lines for the screen."""
-    from turnout.calibration.matching.remaining import FEWEST, fixed_direction
+    from turnout.calibration.matching.survey import FEWEST, fixed_direction
 
     facts, minutes = found.facts, record["processor_time"] / 60.0
     lines = [

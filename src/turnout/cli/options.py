@@ -207,8 +207,7 @@ class PanelOptions:
         if calibration is None:
             panel = load_panel_or_case(name if name is not None else DEFAULT_PANEL)
             return panel.with_settings(settings) if settings else panel
-        from turnout.calibration.requirements import check_provenance
-        from turnout.calibration.result import load_calibration
+        from turnout.calibration.result import check_provenance, load_calibration
 
         known = load_calibration(calibration)
         panel = calibrated_panel(known, calibration) if name is None else load_panel_or_case(name)

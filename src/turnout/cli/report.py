@@ -114,8 +114,8 @@ def _campaign_page(
 
 def _calibration_page(source: Path, panel: str | None, forms: tuple[str, ...]) -> "Page":
     """Return the page of a calibration, with the inputs of its panel if that can be loaded."""
-    from turnout.calibration.fitted_file import load_signals
     from turnout.calibration.result import load_calibration
+    from turnout.calibration.result_entries import load_signals
     from turnout.core.errors import FileError, PanelError
     from turnout.figures.report.calibration import calibration_page
     from turnout.panel.load import load_panel

@@ -55,8 +55,7 @@ def validate_command(
     quiet: bool = option("--quiet -q", "Show only the verdict."),
 ) -> None:
     """Predict every movement of a campaign and judge those not used in the fit."""
-    from turnout.calibration.requirements import check_provenance
-    from turnout.calibration.result import load_calibration
+    from turnout.calibration.result import check_provenance, load_calibration
 
     known = load_calibration(calibration)
     named = panel is not None

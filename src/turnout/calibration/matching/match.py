@@ -1,6 +1,18 @@
-"""Match a panel to facts, wave by wave; every panel tried is kept in a folder and never again.
+r"""Match a panel to facts, wave by wave; every panel tried is kept in a folder and never again.
 
 Each throw of a panel is made once, costly facts only where all others hold.
+
+Quadratic emulators of facts over the ranges say where to try next,
+
+.. math:: y(z) = b_0 + b^T z + z^T B z + e, \qquad b \sim N(0, t_1^2), B \sim N(0, t_2^2),
+          e \sim N(0, s^2)
+
+with every parameter scaled to -1 ... 1; the three spreads maximise the marginal likelihood
+(Rasmussen and Williams 2006, section 2.3, doi 10.7551/mitpress/3206.001.0001). What the emulator
+leaves open is the root mean square of its leave-one-out residuals, which also covers that facts are
+not quadratic.
+Implausibility is as in history matching (Craig et al. 1997; Vernon et al. 2010, doi
+10.1214/10-BA524), with the distance to an interval in place of that to a value.
 """
 
 import gc
@@ -8,22 +20,17 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+from scipy.stats import qmc
 
-from turnout.calibration.matching.fact_emulator import (
-    FEWEST,
-    Emulation,
-    Emulator,
-    fit_emulator,
-    latin_hypercube,
-    plausible_points,
-)
 from turnout.calibration.matching.facts import Facts, Sum, Term
 from turnout.calibration.matching.measures import MEASURES, Thrown
 from turnout.core.errors import FileError, PanelError, StudyError, TurnoutError
@@ -42,6 +49,245 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+WALKERS, STEPS = 600, 120
+"""Walkers of a wave, and steps of each after the region is reached."""
+REGION_SHARE = 0.2
+"""Share of the walkers that each narrower region starts from."""
+CANDIDATES = 20_000
+MOST_REGIONS = 40
+MOST_FOR_SPREADS = 350
+"""So many points are used to find the three spreads."""
+LEAST_SPREAD, MOST_SPREAD = np.log(1e-3), np.log(100.0)
+"""Bounds of the logarithms of the spreads, in standard deviations of the values."""
+FEWEST = 30
+"""Points below which no emulator is made."""
+
+
+def monomials(points: Floats) -> Floats:
+    """Return 1, each scaled parameter, and each product of two, at points of the unit cube.
+
+    Examples
+    --------
+    >>> monomials(np.array([[1.0, 0.5]]))
+    array([[1., 1., 0., 1., 0., 0.]])
+    """
+    z = 2.0 * points - 1.0
+    rows, columns = np.triu_indices(z.shape[1])
+    return np.column_stack([np.ones(len(z)), z, z[:, rows] * z[:, columns]])
+
+
+def fit_emulator(
+    points: Floats, values: Floats, *, rng: np.random.Generator
+) -> tuple[Floats, float]:
+    """Fit an emulator to values at points of the unit cube.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, n_parameters)
+        Shares of the ranges.
+    values : ndarray, shape (n,)
+        Of a fact; all finite.
+    rng : numpy.random.Generator
+        Chooses the points for the spreads.
+
+    Returns
+    -------
+    coefficients : ndarray, shape (n_terms,)
+        Of `monomials` [unit of the fact].
+    error : float
+        Root mean square of the leave-one-out residuals [unit of the fact].
+    """
+    spread = float(values.std())
+    features = monomials(points)
+    if spread == 0.0:
+        flat = np.zeros(features.shape[1])
+        flat[0] = values[0]
+        return flat, 0.0
+    y = (values - values.mean()) / spread
+    count = points.shape[1]
+    groups = (features[:, : 1 + count], features[:, 1 + count :])
+    grams = tuple(group @ group.T for group in groups)
+    some = rng.permutation(len(y))[:MOST_FOR_SPREADS]
+    parts = tuple(gram[np.ix_(some, some)] for gram in grams)
+    found = minimize(
+        _misfit,
+        np.log([0.3, 0.1, 0.2]),
+        args=(parts, y[some]),
+        method="Nelder-Mead",
+        options={"maxfev": 80, "xatol": 0.05, "fatol": 0.1},
+    )
+    first, second, noise = _variances(found.x)
+    factor = cho_factor(first * grams[0] + second * grams[1] + noise * np.eye(len(y)), lower=True)
+    weights = cho_solve(factor, y)
+    inverse = cho_solve(factor, np.eye(len(y)))
+    left_out = weights / np.diag(inverse)
+    coefficients = np.concatenate([first * groups[0].T @ weights, second * groups[1].T @ weights])
+    coefficients *= spread
+    coefficients[0] += values.mean()
+    return coefficients, spread * float(np.sqrt(np.mean(left_out**2)))
+
+
+def _variances(logs: Floats) -> Floats:
+    """Return the squares of the three spreads; the noise is never so small that rounding counts."""
+    return np.asarray(np.exp(2.0 * np.clip(logs, LEAST_SPREAD, MOST_SPREAD)))
+
+
+def _misfit(logs: Floats, grams: tuple[Floats, ...], y: Floats) -> float:
+    """Return the negative logarithm of the marginal likelihood, without its constant."""
+    first, second, noise = _variances(logs)
+    matrix = first * grams[0] + second * grams[1] + noise * np.eye(len(y))
+    lower, _ = factor = cho_factor(matrix, lower=True)
+    return float(0.5 * y @ cho_solve(factor, y) + np.log(np.diag(lower)).sum())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Emulation:
+    """Emulators of several facts, evaluated together.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (n_terms, n_facts)
+        Column by column.
+    error, least, most : ndarray, shape (n_facts,)
+        Of the emulators, and bounds of the facts.
+    """
+
+    coefficients: Floats
+    error: Floats
+    least: Floats
+    most: Floats
+
+    @classmethod
+    def of(cls, emulators: Sequence[tuple[Floats, float]], facts: Sequence[Sum]) -> "Emulation":
+        """Put emulators of `fit_emulator` and bounds side by side."""
+        return cls(
+            coefficients=np.column_stack([coefficients for coefficients, _ in emulators]),
+            error=np.array([error for _, error in emulators]),
+            least=np.array([fact.least for fact in facts]),
+            most=np.array([fact.most for fact in facts]),
+        )
+
+    def implausibility(self, points: Floats) -> Floats:
+        """Return the largest distance to a bound, in errors of its emulator, shape (n,).
+
+        Negative where all predictions lie within their bounds: then by how many errors.
+        """
+        predicted = monomials(points) @ self.coefficients
+        beyond = np.maximum(self.least - predicted, predicted - self.most)
+        floor = 1e-9 * (1.0 + np.abs(predicted).max(axis=0))
+        return np.asarray((beyond / np.maximum(self.error, floor)).max(axis=1))
+
+
+def latin_hypercube(count: int, dimensions: int, *, rng: np.random.Generator) -> Floats:
+    """Return points spread evenly over the unit cube, shape (count, dimensions)."""
+    return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(count))
+
+
+def plausible_points(
+    emulation: Emulation,
+    count: int,
+    *,
+    start: Floats,
+    limit: float,
+    rng: np.random.Generator,
+) -> tuple[Floats, float]:
+    """Return points evenly drawn from where the implausibility is below a limit.
+
+    Regions of falling implausibility are sampled one within the other, each by random walks that
+    start from the most plausible fifth of the last (subset simulation, Au and Beck 2001, doi
+    10.1016/S0266-8920(01)00019-4). The share of the unit cube follows as a product of shares.
+
+    Parameters
+    ----------
+    emulation : Emulation
+        Of all facts.
+    count : int
+        Points wanted.
+    start : ndarray, shape (n, n_parameters)
+        Points that are known to be plausible, from which walks start too; may be none.
+    limit : float
+        Of the implausibility, in errors of the emulators.
+    rng : numpy.random.Generator
+        Of the walks.
+
+    Returns
+    -------
+    points : ndarray, shape (count, n_parameters)
+        Within the unit cube.
+    share : float
+        Of the unit cube that is below the limit, estimated [-].
+    """
+    dimensions = start.shape[1]
+    walkers = np.concatenate([latin_hypercube(CANDIDATES, dimensions, rng=rng), start])
+    values = emulation.implausibility(walkers)
+    share, level = 1.0, np.inf
+    for _ in range(MOST_REGIONS):
+        inside = values <= limit
+        if inside.mean() >= REGION_SHARE:
+            share *= float(inside.mean())
+            walkers, values, level = walkers[inside], values[inside], limit
+            break
+        level = max(float(np.quantile(values, REGION_SHARE)), limit)
+        kept = values <= level
+        share *= float(kept.mean())
+        walkers, values = walkers[kept], values[kept]
+        chosen = rng.integers(len(walkers), size=WALKERS)
+        walkers, values = _walk(
+            emulation, walkers[chosen], values[chosen], level, STEPS // 3, rng=rng
+        )
+    chosen = rng.integers(len(walkers), size=WALKERS)
+    walkers, values = walkers[chosen], values[chosen]
+    walkers, values = _walk(emulation, walkers, values, max(level, limit), STEPS, rng=rng)
+    return walkers[rng.permutation(len(walkers))[:count]], share
+
+
+def _walk(
+    emulation: Emulation,
+    walkers: Floats,
+    values: Floats,
+    level: float,
+    steps: int,
+    *,
+    rng: np.random.Generator,
+) -> tuple[Floats, Floats]:
+    """Walk at random within a region; steps follow the spread of the walkers."""
+    count, dimensions = walkers.shape
+    spread = np.cov(walkers.T) + 1e-8 * np.eye(dimensions)
+    root = np.linalg.cholesky(spread)
+    length = 2.38 / np.sqrt(dimensions)
+    for _ in range(steps):
+        size = length * np.exp(rng.normal(size=(count, 1)))
+        trial = walkers + size * (rng.normal(size=(count, dimensions)) @ root.T)
+        within = ((trial >= 0.0) & (trial <= 1.0)).all(axis=1)
+        found = np.full(count, np.inf)
+        if within.any():
+            found[within] = emulation.implausibility(trial[within])
+        moved = found <= level
+        walkers = np.where(moved[:, np.newaxis], trial, walkers)
+        values = np.where(moved, found, values)
+    return walkers, values
+
+
+def farthest_points(points: Floats, count: int) -> list[int]:
+    """Return the numbers of points that lie far from each other, the most central one first.
+
+    Each next point is the one farthest from all chosen before (Gonzalez 1985, doi
+    10.1016/0304-3975(85)90224-5).
+
+    Examples
+    --------
+    >>> farthest_points(np.array([[0.5], [0.0], [1.0], [0.6], [0.4]]), 3)
+    [0, 1, 2]
+    """
+    middle = np.median(points, axis=0)
+    chosen = [int(np.argmin(np.linalg.norm(points - middle, axis=1)))]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return chosen
+
+
 SAVE = Save(
     fields=(
         *("drive_force", "drive_displacement", "drive_gap", "end_gap", "sensor_gap"),
@@ -54,26 +300,37 @@ SAVE = Save(
 """Outputs of a throw that measures need."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluation:
-    """Values of the facts for one panel.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriedPanel:
+    """One panel that was tried.
 
     Attributes
     ----------
-    values : ndarray, shape (n_facts,)
-        In SI; NaN where a throw failed, or a late fact was not tried.
+    point, values : tuple of float
+        Shares of the ranges, and the facts in SI, NaN where a throw failed or none was made.
     accepted : bool
         Whether all facts hold.
     fault : str
         Why there are no values: the panel is refused, or a throw ended early; else empty.
     throws : int
         That were made.
+    wave, number : int
+        From 0, and its place among the panels of the wave.
+    share : float
+        Of the ranges that its wave was drawn from, as the emulators say [-].
+    seconds : float
+        Processor time [s].
     """
 
-    values: Floats
+    point: tuple[float, ...]
+    values: tuple[float, ...]
     accepted: bool
     fault: str
     throws: int
+    wave: int = 0
+    number: int = 0
+    share: float = 1.0
+    seconds: float = 0.0
 
 
 @dataclass(slots=True)
@@ -176,7 +433,7 @@ def is_valid(facts: Facts, point: Floats) -> bool:
 
 def evaluate(
     facts: Facts, point: Floats, *, failures: int | None = None, mode: Mode = "quick"
-) -> Evaluation:
+) -> TriedPanel:
     """Return the values of the facts for the panel at a point of the unit cube.
 
     Facts are tried in the order of the file, those that need fewer throws first, late ones last and
@@ -193,13 +450,10 @@ def evaluate(
     mode : {"quick", "waveform"}
         Of the throws.
     """
-    values = np.full(len(facts.facts), np.nan)
+    values, fault = np.full(len(facts.facts), np.nan), ""
+    thrower: Thrower | None = None
     try:
         thrower = thrower_at(facts, point, mode)
-    except PanelError as error:
-        return Evaluation(values=values, accepted=False, fault=error.problems[0], throws=0)
-    fault = ""
-    try:
         for late in (False, True):
             chosen = in_order(facts, late=late)
             among = tuple(facts.facts[number] for number in chosen)
@@ -212,8 +466,15 @@ def evaluate(
                 break
     except TurnoutError as error:
         fault = str(error).splitlines()[0]
-    accepted = all(map(holds, facts.facts, values))
-    return Evaluation(values=values, accepted=accepted, fault=fault, throws=thrower.made)
+        if thrower is None and isinstance(error, PanelError):
+            fault = error.problems[0]
+    return TriedPanel(
+        point=tuple(map(float, point)),
+        values=tuple(map(float, values)),
+        accepted=all(map(holds, facts.facts, values)),
+        fault=fault,
+        throws=thrower.made if thrower else 0,
+    )
 
 
 def in_order(facts: Facts, *, late: bool) -> list[int]:
@@ -254,39 +515,6 @@ FAILURES = 2
 HEAD, TRIED = "match.json", "tried.jsonl"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tried:
-    """One panel that was tried.
-
-    Attributes
-    ----------
-    wave, number : int
-        From 0, and its place among the panels of the wave.
-    share : float
-        Of the ranges that its wave was drawn from, as the emulators say [-].
-    point, values : tuple of float
-        Shares of the ranges, and the facts in SI, NaN where there is none.
-    accepted : bool
-        Whether all facts hold.
-    fault : str
-        Why there are no values; else empty.
-    throws : int
-        That were made.
-    seconds : float
-        Processor time [s].
-    """
-
-    wave: int
-    number: int
-    share: float
-    point: tuple[float, ...]
-    values: tuple[float, ...]
-    accepted: bool
-    fault: str
-    throws: int
-    seconds: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Matching:
     """All panels that were tried.
@@ -295,12 +523,12 @@ class Matching:
     ----------
     facts : Facts
         What was asked.
-    tried : tuple of Tried
+    tried : tuple of TriedPanel
         In order.
     """
 
     facts: Facts
-    tried: tuple[Tried, ...]
+    tried: tuple[TriedPanel, ...]
 
     @property
     def points(self) -> Floats:
@@ -352,12 +580,12 @@ def match_panel(
             if accepted >= count or len(before) >= most:
                 return Matching(facts=facts, tried=tuple(tried))
             wanted = min(WAVE if wave else FIRST_WAVE, most - len(before))
-            there = frozenset(item.number for item in tried if item.wave == wave)
+            there = {item.number for item in tried if item.wave == wave}
             stage = f"wave {wave + 1}, {accepted} of {count} panels accepted before"
             pace.begin(stage, wanted, there=len(there))
             if len(there) < wanted:
-                own = _Wave(number=wave, wanted=wanted, there=there)
-                for made in _missing_panels(facts, before, own, processes):
+                missing = [number for number in range(wanted) if number not in there]
+                for made in _missing_panels(facts, before, wave, missing, processes):
                     append_line(folder / TRIED, made)
                     tried.append(made)
                     pace.count(stage, failed=bool(made.fault), cost=made.seconds)
@@ -365,41 +593,30 @@ def match_panel(
             wave += 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Wave:
-    """A wave of panels: its number, those that are wanted, and which of them are there."""
-
-    number: int
-    wanted: int
-    there: frozenset[int]
-
-
 def _missing_panels(
-    facts: Facts, before: list[Tried], wave: _Wave, processes: Workers
-) -> Iterator[Tried]:
-    """Try the panels of a wave that are missing, and yield them as they are done."""
+    facts: Facts, before: list[TriedPanel], wave: int, missing: Sequence[int], processes: Workers
+) -> Iterator[TriedPanel]:
+    """Try panels of a wave by their numbers, and yield them as they are done."""
     with one_blas_thread():  # small matrices: threads would take ten times as long
-        points, share = _points(facts, before, wave.number)
+        points, share = _points(facts, before, wave)
     if not len(points):
         message = "the emulators leave no panel whose values go together; widen the ranges"
         raise StudyError([message], source=facts.name)
     jobs = [
-        partial(_try, point, wave.number, number, share)
-        for number, point in enumerate(points[: wave.wanted])
-        if number not in wave.there
+        partial(_try, points[number], wave, number, share)
+        for number in missing
+        if number < len(points)
     ]
     for _, made in processes.run(jobs):
         yield made
 
 
-def _points(facts: Facts, before: list[Tried], wave: int) -> tuple[Floats, float]:
+def _points(facts: Facts, before: list[TriedPanel], wave: int) -> tuple[Floats, float]:
     """Return the points of a wave, and the share of the ranges that they are drawn from."""
     rng = np.random.default_rng([facts.seed, wave])
     if not wave:
         return latin_hypercube(FIRST_WAVE, len(facts.parameters), rng=rng), 1.0
-    found = emulators_of(facts, before, wave)
-    chosen = [facts.facts[number] for number in found]
-    emulation = Emulation.of(list(found.values()), chosen)
+    emulation = emulation_of(facts, before, wave)
     known = [item.point for item in before if item.accepted]
     points, share = plausible_points(
         emulation,
@@ -415,22 +632,22 @@ def _points(facts: Facts, before: list[Tried], wave: int) -> tuple[Floats, float
     return np.array(valid).reshape(-1, len(facts.parameters)), share
 
 
-def emulators_of(facts: Facts, before: Sequence[Tried], wave: int) -> dict[int, Emulator]:
+def emulation_of(facts: Facts, before: Sequence[TriedPanel], wave: int) -> Emulation:
     """Fit emulators to panels that were tried, to those nearest to meeting the facts if many.
 
     Parameters
     ----------
     facts : Facts
         What must hold.
-    before : sequence of Tried
+    before : sequence of TriedPanel
         Panels of earlier waves.
     wave : int
         For which it is.
 
     Returns
     -------
-    dict of int to Emulator
-        By the number of the fact; late facts have none.
+    Emulation
+        Of the facts that are not late, in their order.
 
     Raises
     ------
@@ -450,12 +667,12 @@ def emulators_of(facts: Facts, before: Sequence[Tried], wave: int) -> dict[int, 
     points = np.array([item.point for item in usable])
     values = np.array([item.values for item in usable])
     order = np.argsort(_misses(facts, values, early), kind="stable")
-    found = {}
+    found = []
     for number in early:
         near = order[np.isfinite(values[order, number])][:MOST_TRAINING]
         near_bounds = _clipped(facts.facts[number], values[near, number])
-        found[number] = fit_emulator(points[near], near_bounds, rng=rng)
-    return found
+        found.append(fit_emulator(points[near], near_bounds, rng=rng))
+    return Emulation.of(found, [facts.facts[number] for number in early])
 
 
 def _clipped(fact: Sum, values: Floats) -> Floats:
@@ -505,25 +722,16 @@ def panel_facts() -> Facts:
     return _facts[0]
 
 
-def _try(point: Floats, wave: int, number: int, share: float) -> Tried:
+def _try(point: Floats, wave: int, number: int, share: float) -> TriedPanel:
     began = time.process_time()
     found = evaluate(panel_facts(), point, failures=FAILURES if wave else None)
-    return Tried(
-        wave=wave,
-        number=number,
-        share=share,
-        point=tuple(map(float, point)),
-        values=tuple(map(float, found.values)),
-        accepted=found.accepted,
-        fault=found.fault,
-        throws=found.throws,
-        seconds=time.process_time() - began,
-    )
+    seconds = time.process_time() - began
+    return replace(found, wave=wave, number=number, share=share, seconds=seconds)
 
 
-def _read(folder: Path, facts: Facts) -> list[Tried]:
+def _read(folder: Path, facts: Facts) -> list[TriedPanel]:
     """Read the panels that were tried; those of older files are in the order of their numbers."""
-    path, found = folder / TRIED, list[Tried]()
+    path, found = folder / TRIED, list[TriedPanel]()
     counted = Counter[int]()
     for line, record in enumerate(read_lines(path), 1):
         try:
@@ -531,7 +739,7 @@ def _read(folder: Path, facts: Facts) -> list[Tried]:
             counted[record["wave"]] += 1
             record["point"] = tuple(map(float, record["point"]))
             record["values"] = tuple(map(float, record["values"]))
-            item = Tried(**record)
+            item = TriedPanel(**record)
         except (ValueError, TypeError, KeyError) as error:
             message = f"{path}, line {line}: is damaged ({error}); remove the line or the folder"
             raise FileError(message) from None

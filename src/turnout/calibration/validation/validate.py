@@ -8,23 +8,24 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from turnout.calibration.comparison import measured_noise
 from turnout.calibration.evaluate import Evaluator, Response
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import MeasuredMovement, later, observe
-from turnout.calibration.noise import measured_noise
 from turnout.calibration.parameter import Fitted, Parameter
 from turnout.calibration.requirements import exclude_oversized_objects
 from turnout.calibration.result import Calibration
 from turnout.calibration.result_entries import excluded_movements
 from turnout.calibration.validation.acceptance import first_order_power, judged_movements
-from turnout.calibration.validation.band_parts import (
+from turnout.calibration.validation.prediction_bands import (
     BandParts,
     Direction,
+    LeftOut,
     ThrowScatter,
     coverage_limits,
+    leave_out_places,
     scatter_of,
 )
-from turnout.calibration.validation.leave_out import LeftOut, leave_out_places
 from turnout.calibration.validation.seen_throws import (
     CHECKING,
     DRIVE,
