@@ -17,6 +17,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from benchmarks.machine import load, machine
 from turnout.core.scheme import Scheme
 from turnout.panel.load import load_panel
 from turnout.solver import start
-from turnout.solver.prepared_run import PreparedRun
+from turnout.solver.state import Run, State
 from turnout.throw.simulate import simulate
 
 PANELS = (
@@ -50,22 +51,22 @@ def compared(name: str, friction: float) -> list[float]:
     the return as a share of the peak [-], force held open [N]; of cycles force at the
     start [N], and their number [-].
     """
-    runs, cycles, usual = [], [], start._call_march
+    runs, cycles, usual = [], [], start.march
 
-    def counted(motion: PreparedRun, last: int) -> tuple[int, int]:
-        cycles.append(last)
-        return usual(motion, last)
+    def counted(run: Run, state: State, *given: Any) -> tuple[int, int]:
+        cycles.append(given[1])
+        return usual(run, state, *given)
 
     for by in ("return", "cycles"):
         given = {"schedule.loaded": True, "schedule.loaded_by": by}
         panel = load_panel(name).with_overrides(given | {"chair.friction_coefficient": friction})
         start.clear_starts()
         cycles.clear()
-        setattr(start, "_call_march", counted)  # noqa: B010
+        setattr(start, "march", counted)  # noqa: B010
         try:
             run = simulate(panel, mode="quick")
         finally:
-            setattr(start, "_call_march", usual)  # noqa: B010
+            setattr(start, "march", usual)  # noqa: B010
         runs.append(run["drive_force"].values)
     time_of, (by_return, by_cycles) = run["time"].values, runs
     apart, ends = np.abs(by_return - by_cycles), by_cycles[:, -1]

@@ -28,25 +28,25 @@ from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.solver import energy, march, solution, solve, state, step
 from turnout.solver.arrange import arrange
 from turnout.solver.columns import update_row
-from turnout.solver.prepared_run import PreparedRun, prepare, set_up_run
+from turnout.solver.prepared_run import prepare, set_up_run
 from turnout.solver.start import start_at_rest
-from turnout.solver.state import COUNT_FLIPS, COUNT_ITERATIONS
+from turnout.solver.state import COUNT_FLIPS, COUNT_ITERATIONS, Run, State
 
 PANELS = ("sb2", "uic60-760-1-15")
 SHARE = 0.55
 """Place of the state in the cycle: both rails on the way back."""
 CALLS, REPEATS = 2000, 7
 KERNELS = {
-    "predict, right side": "step.predict(s, st, w, sp, sp.step, step.step_factors(sp, sp.step))",
+    "predict, right side": "step.predict(r, st, step.step_factors(r.options, r.options.step))",
     "columns times right side": (
-        "st.counters[state.UNSOLVED] = -1; solution.solve_displacements(s, t, st, w)"
+        "st.counters[state.UNSOLVED] = -1; solution.solve_displacements(r, st)"
     ),
-    "check of contacts and stops": "solve.update_segments(s, t, st, w, 1e-11, False)",
-    "check of friction": "solve.update_branches(t, st, w, 0, 1e-6, False)",
-    "correct, energy of modes": "step.correct(s, st, w, sp, step.step_factors(sp, sp.step))",
-    "energy of laws": "energy.account_laws(s, t, st, w, w.inputs_start, 4.0)",
-    "energy of friction": "energy.account_friction(s, st, w)",
-    "store an instant": "march.store_instant(s, t, st, w, rec, 1)",
+    "check of contacts and stops": "solve.update_segments(r, st, False)",
+    "check of friction": "solve.update_branches(r, st, 0, False)",
+    "correct, energy of modes": "step.correct(r, st, step.step_factors(r.options, r.options.step))",
+    "energy of laws": "energy.account_laws(r, st, r.work.inputs_start, 4.0)",
+    "energy of friction": "energy.account_friction(r, st)",
+    "store an instant": "march.store_instant(r, st, 1)",
 }
 FLIP = "one flip"
 
@@ -67,56 +67,52 @@ class Profile:
 
 def marched(
     name: str, scheme: Scheme, share: float, *, stride: int = 1
-) -> tuple[PreparedRun, float]:
-    """March a panel a share of its cycle; return it with the seconds of the march."""
+) -> tuple[Run, State, float]:
+    """March a panel a share of its cycle; return run and state with the seconds of the march."""
     panel = load_panel(name)
     mechanism = build_mechanism(panel, ())
     times = scheme.step * np.arange(round(panel.schedule.end / scheme.step) + 1)
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
     with one_blas_thread():
         positions = positions.T.copy()
-        made = prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, times.size))
-        start_at_rest(made, mechanism)
+        run, state = prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, times.size))
+        start_at_rest(run, state, mechanism)
         began = time.perf_counter()
-        march.march(
-            made.system, made.table, made.state, made.work, made.tolerances,
-            made.stepping._replace(stride=stride), made.positions, 0,
-            int(share * (times.size - 1)), made.record, made.obstructions, made.courses, None,
-        )  # fmt: skip
-        return made, time.perf_counter() - began
+        spaced = run._replace(options=run.options._replace(stride=stride))
+        march.march(spaced, state, 0, int(share * (times.size - 1)), None)
+        return run, state, time.perf_counter() - began
 
 
 def repeated(body: str) -> Callable[..., None]:
     """Compile a loop around one call, so that the kernel alone is timed."""
     modules = (energy, march, solution, solve, state, step)
     names = {module.__name__.rpartition(".")[2]: module for module in modules}
-    text = f"def loop(s, t, st, w, sp, rec, n):\n    for _ in range(n):\n        {body}\n"
+    text = f"def loop(r, st, n):\n    for _ in range(n):\n        {body}\n"
     exec(text, names)
     return compiled(names["loop"])
 
 
 @compiled
-def flips(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
-    row = t.friction_row[3]
+def flips(r, st, n):  # type: ignore[no-untyped-def]  # noqa: D103
+    row = r.table.friction_row[3]
     for _ in range(n):
         st.friction[3] = 0 if st.friction[3] else 1
-        update_row(s, t, st, row, w.row, False)
+        update_row(r, st, row, False)
 
 
 @compiled
-def products(s, t, st, w, sp, rec, n):  # type: ignore[no-untyped-def]  # noqa: D103
+def products(r, st, n):  # type: ignore[no-untyped-def]  # noqa: D103
     for _ in range(n):
-        add_weighted_rows(w.q_pred[:40], st.mode_columns[:40], st.columns[0])
+        add_weighted_rows(r.work.q_pred[:40], st.mode_columns[:40], st.columns[0])
 
 
-def seconds(loop: Callable[..., None], run: PreparedRun) -> float:
+def seconds(loop: Callable[..., None], run: Run, state: State) -> float:
     """Return the least seconds of one call."""
-    given = (run.system, run.table, run.state, run.work, run.stepping, run.record)
-    loop(*given, 1)
+    loop(run, state, 1)
     best = np.inf
     for _ in range(REPEATS):
         began = time.perf_counter()
-        loop(*given, CALLS)
+        loop(run, state, CALLS)
         best = min(best, (time.perf_counter() - began) / CALLS)
     return float(best)
 
@@ -124,20 +120,20 @@ def seconds(loop: Callable[..., None], run: PreparedRun) -> float:
 def profile(name: str, scheme: Scheme) -> Profile:
     """Time the kernels of a panel in a mode."""
     # a run's memory serves the next one, as it does when throws follow each other
-    taken = min(marched(name, scheme, 1.0)[1] for _ in range(REPEATS))
-    unstored = min(marched(name, scheme, 1.0, stride=100)[1] for _ in range(REPEATS))
-    counters = marched(name, scheme, 1.0)[0].state.counters
-    run, _ = marched(name, scheme, SHARE)
-    found = {what: seconds(repeated(body), run) for what, body in KERNELS.items()}
-    found[FLIP] = seconds(flips, run)
-    width = run.state.columns.shape[1]
+    taken = min(marched(name, scheme, 1.0)[2] for _ in range(REPEATS))
+    unstored = min(marched(name, scheme, 1.0, stride=100)[2] for _ in range(REPEATS))
+    counters = marched(name, scheme, 1.0)[1].counters
+    run, state, _ = marched(name, scheme, SHARE)
+    found = {what: seconds(repeated(body), run, state) for what, body in KERNELS.items()}
+    found[FLIP] = seconds(flips, run, state)
+    width = state.columns.shape[1]
     system = run.system
     blocks = range(system.mode_start.size - 1)
     modes, ends = np.diff(system.mode_start), np.diff(system.end_start)
     needed = sum(int(modes[b] * ends[b]) for b in blocks)
     return Profile(
         kernels=found,
-        least=seconds(products, run) / (min(40, run.work.q_pred.size) * width),
+        least=seconds(products, run, state) / (min(40, run.work.q_pred.size) * width),
         marched=taken,
         unstored=unstored,
         steps=run.positions.shape[0] - 1,

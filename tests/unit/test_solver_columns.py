@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from turnout.core.errors import MechanicsError
+from turnout.core.scheme import Scheme
 from turnout.kernels.shared_record import shared_record
-from turnout.law.friction import STICK
+from turnout.law.friction import STICK, no_courses
+from turnout.law.obstruction import no_obstructions
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.solver.blocks import Block
 from turnout.solver.columns import activate, deactivate, finish_pending, rebuild, update_row
@@ -21,6 +23,7 @@ from turnout.solver.condense import BlockModel, folded_stiffness, sum_at_rows
 from turnout.solver.followers import leading_rows
 from turnout.solver.modal import diagonalise_damping, modal_model
 from turnout.solver.numbering import place_laws
+from turnout.solver.record import empty_record
 from turnout.solver.scratch import Work, new_work
 from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.state import (
@@ -30,6 +33,8 @@ from turnout.solver.state import (
     COUNT_RECENT,
     PENDING,
     UNSOLVED,
+    Options,
+    Run,
     State,
     fresh_state,
     set_segment,
@@ -37,6 +42,7 @@ from turnout.solver.state import (
 from turnout.solver.system import System, check_normals, condensed_system
 
 INERTIA, VISCOSITY = 3e4, 900.0
+OPTIONS = Options.of(Scheme(halvings=0, follow_path=False))
 TOLERANCE = 1e-9
 N_DOF = 16
 CONTACTS, FRICTION_ROWS, DRIVEN = range(6), range(6, 9), (9, 10)
@@ -45,14 +51,23 @@ IDLE_ROW, N_ROWS, OWN_ROWS, JOINING = 11, 16, 12, (13, 14, 15)
 
 
 class Setup(NamedTuple):
-    system: System
-    table: LawTable
+    run: Run
     state: State
-    scratch: np.ndarray
-    work: Work
     laws: LawTable
     parts: tuple[BlockModel, ...]
     rows: list[int]
+
+    @property
+    def system(self) -> System:
+        return self.run.system
+
+    @property
+    def table(self) -> LawTable:
+        return self.run.table
+
+    @property
+    def work(self) -> Work:
+        return self.run.work
 
 
 def laws() -> LawTable:
@@ -124,16 +139,18 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
     system = condensed_system(parts, given)
     table = shared_record(place_laws(given, system.row_place))
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
-    work = new_work(system, table)
-    assemble_level(system, state, 0, INERTIA, VISCOSITY)
-    rebuild(system, table, state, 0, work.row)
+    record = empty_record(system, table, 1, velocity=False, watched=None)
+    beside = shared_record(no_obstructions()), shared_record(no_courses())
+    run = Run(system, table, new_work(system, table), OPTIONS, np.zeros((1, 2)), record, *beside)
+    assemble_level(run, state, 0, INERTIA, VISCOSITY)
+    rebuild(run, state, 0)
     places = system.row_place.astype(np.int64).tolist()
-    return Setup(system, table, state, work.row, work, given, tuple(parts), places)
+    return Setup(run, state, given, tuple(parts), places)
 
 
 def flip(made: Setup, rng: np.random.Generator) -> None:
     """Change one law or friction at random and bring the rows that hang on it up to date."""
-    _, table, state, *_ = made
+    table, state = made.table, made.state
     if rng.random() < 0.5:
         law = int(rng.integers(table.row.size))
         count = table.segment_start[law + 1] - table.segment_start[law]
@@ -147,7 +164,7 @@ def flip(made: Setup, rng: np.random.Generator) -> None:
         state.anchor[friction] = rng.normal() * 1e-3
         touched = {int(table.friction_row[friction])}
     for row in rng.permutation(sorted(touched)):
-        update_row(*made[:3], int(row), made.scratch, defer=False)
+        update_row(made.run, made.state, int(row), defer=False)
 
 
 def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
@@ -207,12 +224,12 @@ def dense_solution(made: Setup) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_against_dense(made: Setup) -> None:
-    system, table, state, work = made.system, made.table, made.state, made.work
+    state, work = made.state, made.work
     work.right_side[:] = np.linspace(-500.0, 900.0, work.right_side.size)
     state.inputs[:] = [2e-3, -1e-3]
     state.counters[UNSOLVED] = -1
-    solve_displacements(system, table, state, work)
-    gather_modes(system, state)
+    solve_displacements(made.run, state)
+    gather_modes(made.run, state)
     g, q = dense_solution(made)
     np.testing.assert_allclose(state.g[made.rows], g, rtol=0, atol=TOLERANCE * np.abs(g).max())
     np.testing.assert_allclose(state.q, q, rtol=0, atol=TOLERANCE * np.abs(q).max())
@@ -220,7 +237,7 @@ def check_against_dense(made: Setup) -> None:
 
 def active_rows(made: Setup) -> list[int]:
     """Return the row of every slot in use, joining rows twice."""
-    _, _, state, *_ = made
+    state = made.state
     rows = []
     for block, first in enumerate(made.system.slot_start[:-1]):
         used = state.row_of_slot[first : first + state.slots[block]]
@@ -231,7 +248,7 @@ def active_rows(made: Setup) -> list[int]:
 
 
 def check_bookkeeping(made: Setup) -> None:
-    system, _, state, *_ = made
+    system, state = made.system, made.state
     matrix, constant = deviations(made)
     rows = active_rows(made)
     joining = state.joining[: state.counters[COUNT_JOINING]].tolist()
@@ -281,7 +298,7 @@ def test_rebuild_gives_the_same_columns_and_removes_drift() -> None:
     made.state.columns[:] *= 1.001  # a drift far beyond rounding
     made.state.mode_columns[:] *= 0.999
     before = made.state.counters[COUNT_REBUILDS]
-    rebuild(made.system, made.table, made.state, 0, made.scratch)
+    rebuild(made.run, made.state, 0)
     assert made.state.counters[COUNT_REBUILDS] == before + 1
     assert made.state.counters[COUNT_RECENT] == 0
     assert sorted(active_rows(made)) == active
@@ -301,9 +318,9 @@ def test_rows_that_share_a_pass_have_the_bits_of_rows_one_by_one() -> None:
             made.state.friction[frictions] = branches
             made.state.anchor[frictions] = anchors
             for row in rows:
-                update_row(*made[:3], int(row), made.scratch, defer=made is together)
+                update_row(made.run, made.state, int(row), defer=made is together)
                 shared += int(made.state.counters[PENDING] > 0)
-            finish_pending(made.system, made.state)
+            finish_pending(made.run, made.state)
         for name in ("columns", "mode_columns", "constant_column", "entries", "shift", "drift"):
             found, wanted = getattr(together.state, name), getattr(alone.state, name)
             np.testing.assert_array_equal(found, wanted, err_msg=name)
@@ -313,17 +330,17 @@ def test_rows_that_share_a_pass_have_the_bits_of_rows_one_by_one() -> None:
 
 def test_a_rail_is_solved_again_where_its_columns_have_changed_and_only_there() -> None:
     made, rng = setup(7, seed=8), np.random.default_rng(3)
-    system, table, state, work = made.system, made.table, made.state, made.work
+    system, state, work = made.system, made.state, made.work
     check_against_dense(made)
     for _ in range(40):
         flip(made, rng)
-        solve_displacements(system, table, state, work)
+        solve_displacements(made.run, state)
         found = state.g.copy()
         state.counters[UNSOLVED] = -1
-        solve_displacements(system, table, state, work)
+        solve_displacements(made.run, state)
         np.testing.assert_array_equal(found, state.g)
     work.free[system.end_start[1] : system.end_start[2]] += 1e-3
-    solve_displacements(system, table, state, work)
+    solve_displacements(made.run, state)
     moved = np.abs(state.g - found) > 1e-4
     assert moved[system.end_start[1] : system.end_stop[1]].all()  # it was not made again
 
@@ -332,22 +349,22 @@ def test_a_row_without_a_change_costs_nothing() -> None:
     made = setup(7, seed=2)
     before = made.state.columns.copy(), made.state.counters.copy()
     for row in made.rows:
-        update_row(*made[:3], row, made.scratch, defer=False)
+        update_row(made.run, made.state, row, defer=False)
     np.testing.assert_array_equal(made.state.columns, before[0])
     assert made.state.counters[COUNT_FLIPS] == before[1][COUNT_FLIPS]
 
 
 def test_a_column_dropped_from_the_middle_leaves_the_others_as_they_are() -> None:
     made = setup(7, seed=3)
-    system, state = made.system, made.state
+    state = made.state
     idle = made.rows[IDLE_ROW]
     assert state.slot_of_end[idle] == -1
-    slot = activate(system, state, idle, idle, made.scratch)
+    slot = activate(made.run, state, idle, idle, made.work.row)
     assert state.row_of_slot[slot] == idle
     check_against_dense(made)
     ends = state.end_of_slot[: state.slots[0]].tolist()
     columns = {end: state.columns[state.slot_of_end[end]].copy() for end in ends}
-    deactivate(system, state, ends[1])
+    deactivate(made.run, state, ends[1])
     ends.remove(ends[1])
     assert sorted(state.end_of_slot[: state.slots[0]].tolist()) == sorted(ends)
     for end in ends:
@@ -368,7 +385,7 @@ def test_kernels_equal_their_plain_functions() -> None:
             made.state.friction[friction] = branch
             for row in made.rows:
                 update = update_row if made is compiled else update_row.py_func
-                update(*made[:3], row, made.scratch, False)
+                update(made.run, made.state, row, False)
     for name in ("columns", "mode_columns", "constant_column", "entries", "shift"):
         want = getattr(compiled.state, name)
         np.testing.assert_allclose(

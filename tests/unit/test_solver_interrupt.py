@@ -14,7 +14,7 @@ from turnout.core.scheme import Scheme
 from turnout.panel.load import load_panel
 from turnout.solver import integration
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import PreparedRun
+from turnout.solver.state import Run, State
 from turnout.throw.simulate import solve
 
 
@@ -25,10 +25,10 @@ def test_ctrl_c_in_a_kernel_ends_a_run_after_it(monkeypatch: pytest.MonkeyPatch)
     panel = load_panel("sb1")
     marched = integration._march
 
-    def interrupted(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
+    def interrupted(run: Run, state: State, rods: None, first: int, last: int) -> tuple[int, int]:
         if last > 100:
             _thread.interrupt_main()
-        return marched(run, first, last)
+        return marched(run, state, rods, first, last)
 
     monkeypatch.setattr(integration, "_march", interrupted)
     history = solve(panel, scheme=Scheme.of("quick")).history

@@ -1,5 +1,7 @@
 """Compliances serve the next run of the same rails with the same bits, wherever objects stand."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -8,29 +10,43 @@ from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.solver import levels
-from turnout.solver.arrange import arrange, clear_memory
+from turnout.solver.arrange import Arrangement, arrange, clear_memory
 from turnout.solver.compliance import READY, STALE
 from turnout.solver.march import switch_level
-from turnout.solver.prepared_run import PreparedRun, prepare, set_up_run
+from turnout.solver.prepared_run import give_back, prepare, set_up_run
+from turnout.solver.state import Run, State
 
 PANEL = load_panel("sb2")  # its records are known by identity
 QUICK = Scheme.of("quick")
 LEVELS = (0, 2)
 
 
-def prepared(place: str, *, scheme: Scheme = QUICK, instants: int = 3) -> PreparedRun:
+@dataclass(frozen=True)
+class Prepared:
+    """A run with its state and what it is of."""
+
+    arrangement: Arrangement
+    run: Run
+    state: State
+
+    def give_back(self, *, record: bool = False) -> None:
+        give_back(self.arrangement, self.run, self.state, record=record)
+
+
+def prepared(place: str, *, scheme: Scheme = QUICK, instants: int = 3) -> Prepared:
     """Prepare a run with an object between the places of the panel."""
     objects = resolve_objects(PANEL, (ForeignObject("13 mm", place),))
     mechanism = build_mechanism(PANEL, objects)
-    positions = np.zeros((3, 2))
-    return prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, instants))
+    arrangement = arrange(mechanism, scheme)
+    setup = set_up_run(arrangement, scheme, np.zeros((3, 2)), instants)
+    return Prepared(arrangement, *prepare(setup))
 
 
-def assembled(run: PreparedRun) -> np.ndarray:
+def assembled(made: Prepared) -> np.ndarray:
     """Assemble some levels; return a copy of all that they hold."""
     for level in LEVELS:
-        switch_level(run.system, run.table, run.state, run.work, run.stepping, level)
-    return run.state.compliance[list(LEVELS)].copy()
+        switch_level(made.run, made.state, level)
+    return made.state.compliance[list(LEVELS)].copy()
 
 
 def given_back(place: str = "x = 3.61 m") -> np.ndarray:
@@ -44,7 +60,9 @@ def given_back(place: str = "x = 3.61 m") -> np.ndarray:
 @pytest.fixture(autouse=True)
 def _without_memory() -> None:
     clear_memory()
-    assert not prepared("drive 1").known  # the first run of these rails, which gives nothing back
+    assert not prepared(
+        "drive 1"
+    ).arrangement.known  # the first run of these rails, which gives nothing back
 
 
 def test_the_only_throw_of_some_rails_leaves_nothing() -> None:
@@ -88,30 +106,30 @@ def test_another_step_has_a_compliance_of_its_own() -> None:
 
 def test_nothing_of_a_run_is_left_in_its_memory() -> None:
     first = prepared("x = 3.61 m")
-    used = first.state, first.work
+    used = first.state, first.run.work
     for record in used:
         for name in ("q", "counters", "friction", "segment", "right_side", "dirty", "stop"):
             if hasattr(record, name):
                 getattr(record, name)[:] = 1
     first.give_back()
     again = prepared("x = 3.61 m")
-    assert (again.state, again.work) == used
+    assert (again.state, again.run.work) == used
     levels.clear_levels()
     fresh = prepared("x = 3.61 m")
     assert fresh.state is not again.state
     np.testing.assert_array_equal(again.state.memory, fresh.state.memory)
-    np.testing.assert_array_equal(again.work.memory, fresh.work.memory)
+    np.testing.assert_array_equal(again.run.work.memory, fresh.run.work.memory)
 
 
 def test_a_record_that_is_given_back_serves_runs_of_as_many_instants() -> None:
     first = prepared("x = 3.61 m")
-    first.record.residual[:] = 1.0
+    first.run.record.residual[:] = 1.0
     first.give_back(record=True)
     again = prepared("x = 2.17 m")
-    assert again.record is first.record
-    assert again.record.residual.tolist() == [0.0]
+    assert again.run.record is first.run.record
+    assert again.run.record.residual.tolist() == [0.0]
     again.give_back(record=True)
-    assert prepared("x = 2.17 m", instants=2).record is not first.record
+    assert prepared("x = 2.17 m", instants=2).run.record is not first.run.record
 
 
 def test_a_record_stays_with_its_run_otherwise() -> None:
@@ -119,4 +137,4 @@ def test_a_record_stays_with_its_run_otherwise() -> None:
     first.give_back()
     again = prepared("x = 3.61 m")
     assert again.state is first.state
-    assert not np.shares_memory(again.record.q, first.record.q)
+    assert not np.shares_memory(again.run.record.q, first.run.record.q)

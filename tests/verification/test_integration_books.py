@@ -163,18 +163,18 @@ def test_the_plain_loop_gives_the_run_of_the_compiled_one(monkeypatch: pytest.Mo
 
 
 def no_damping(kernel: Callable[..., None]) -> Callable[..., None]:
-    def tampered(system, state, *rest):
+    def tampered(run, state, *rest):
         before = state.ledger[energy.DAMPING]
-        kernel(system, state, *rest)
+        kernel(run, state, *rest)
         state.ledger[energy.DAMPING] = before
 
     return tampered
 
 
 def end_force_instead_of_mean(kernel: Callable[..., None]) -> Callable[..., None]:
-    def tampered(table, state, work):
+    def tampered(run, state):
         anchor, ledger = state.anchor.copy(), state.ledger[energy.FRICTION]
-        kernel(table, state, work)
+        kernel(run, state)
         lost = state.friction_force @ (state.anchor - anchor)
         state.ledger[energy.FRICTION] = ledger + lost
 
@@ -182,9 +182,9 @@ def end_force_instead_of_mean(kernel: Callable[..., None]) -> Callable[..., None
 
 
 def wrong_sign_of_markers(kernel: Callable[..., None]) -> Callable[..., None]:
-    def tampered(system, table, state, *rest):
+    def tampered(run, state, *rest):
         before = state.ledger[energy.MARKERS]
-        kernel(system, table, state, *rest)
+        kernel(run, state, *rest)
         state.ledger[energy.MARKERS] = 2 * before - state.ledger[energy.MARKERS]
 
     return tampered

@@ -230,8 +230,8 @@ def test_path_following_brings_a_rail_to_rest_where_the_iteration_does_not(
     iterated = at(simulate(dry(0.4), mode="quick"), "drive_force", 0.0)
     kernel, codes = start.settle, []
 
-    def impatient(system, table, state, work, tolerances):
-        codes.append(kernel(system, table, state, work, tolerances._replace(iterations=0)))
+    def impatient(run, state):
+        codes.append(kernel(run._replace(options=run.options._replace(iterations=0)), state))
         return codes[-1]
 
     monkeypatch.setattr(start, "settle", impatient)
@@ -244,7 +244,7 @@ def test_path_following_brings_a_rail_to_rest_where_the_iteration_does_not(
 def test_a_return_that_does_not_converge_names_the_remedy(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(start, "_call_march", lambda motion, last: (1, 0))
+    monkeypatch.setattr(start, "march", lambda *_: (1, 0))
     start.clear_starts()
     with pytest.raises(NotConverged, match="schedule.loaded = false") as failed:
         simulate(dry(0.4), scheme=Scheme.of("quick"))
@@ -256,7 +256,7 @@ def test_ctrl_c_during_the_return_interrupts(monkeypatch: pytest.MonkeyPatch) ->
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(start, "_call_march", interrupted)
+    monkeypatch.setattr(start, "march", interrupted)
     start.clear_starts()
     with pytest.raises(KeyboardInterrupt):
         simulate(dry(0.4), mode="quick")

@@ -21,9 +21,7 @@ from turnout.kernels.vector import (
     copy,
     dot,
 )
-from turnout.law.table import LawTable
 from turnout.solver.energy import MARKERS
-from turnout.solver.scratch import Work
 from turnout.solver.solution import (
     apply_joining_forces,
     evaluate_deviation_forces,
@@ -31,7 +29,7 @@ from turnout.solver.solution import (
     gather_modes,
 )
 from turnout.solver.solve import evaluate_row_forces
-from turnout.solver.state import COUNT_JOINING, State
+from turnout.solver.state import COUNT_JOINING, Run, State
 from turnout.solver.system import Floats, System
 
 DRIFTS = 1e7
@@ -46,8 +44,9 @@ LARGEST_LEAK = 1e-10
 
 
 @compiled
-def _end_errors(system: System, state: State, force: Floats, error: Floats) -> float:
+def _end_errors(run: Run, state: State, force: Floats, error: Floats) -> float:
     """Write the displacement errors of the leading ends under forces [m]; return the largest."""
+    system = run.system
     worst = 0.0
     for block in range(system.end_stop.size):
         first, last = system.end_start[block], system.end_stop[block]
@@ -87,13 +86,12 @@ def _scatter_to_leaders(system: System, force: Floats) -> None:
 
 
 @compiled
-def _modal_errors(
-    system: System, state: State, work: Work, force: Floats, inertia: float, viscosity: float
-) -> float:
+def _modal_errors(run: Run, state: State, force: Floats, inertia: float, viscosity: float) -> float:
     """Write the residual of the modal equations to ``work.modal_error``.
 
     Returns its work in the step [J].
     """
+    system, work = run.system, run.work
     leak = 0.0
     for block in range(system.end_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
@@ -112,24 +110,26 @@ def _modal_errors(
 
 
 @compiled
-def refine(system: System, state: State, work: Work) -> None:
+def refine(run: Run, state: State) -> None:
     """Refine the solution by the errors from `measure_residual`, with the same columns."""
+    system, work = run.system, run.work
     copy(state.g, work.end_scratch)
-    _expand_end_errors(system, state, work)
+    _expand_end_errors(run, state)
     for block in range(system.end_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         solved = state.g[system.end_start[block] : system.end_start[block + 1]]
         add_weighted_rows(work.modal_error[first:last], state.mode_columns[first:last], solved)
     if state.counters[COUNT_JOINING]:
-        apply_joining_forces(system, state, work, 0.0)
+        apply_joining_forces(run, state, 0.0)
     add_scaled(1.0, work.end_scratch, state.g)
-    gather_modes(system, state)
-    expand_displacements(system, state)
+    gather_modes(run, state)
+    expand_displacements(run, state)
 
 
 @compiled
-def _expand_end_errors(system: System, state: State, work: Work) -> None:
+def _expand_end_errors(run: Run, state: State) -> None:
     """Write the response of uncoupled blocks to the free displacements ``work.end_error``."""
+    system, work = run.system, run.work
     copy(work.end_error, state.g)
     for block in range(system.end_start.size - 1):
         first, last = system.end_start[block], system.end_start[block + 1]
@@ -146,9 +146,7 @@ def _expand_end_errors(system: System, state: State, work: Work) -> None:
 
 
 @compiled_part
-def is_inaccurate(
-    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
-) -> bool:
+def is_inaccurate(run: Run, state: State, inertia: float, viscosity: float) -> bool:
     """Return whether the columns are too inaccurate for the present solution.
 
     The residual is measured only where rounding errors may have grown since the last time.
@@ -160,19 +158,18 @@ def is_inaccurate(
     """
     if state.drift[0] < DRIFTS:
         return False
-    return measure_residual(system, table, state, work, inertia, viscosity)
+    return measure_residual(run, state, inertia, viscosity)
 
 
 @compiled
-def measure_residual(
-    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
-) -> bool:
+def measure_residual(run: Run, state: State, inertia: float, viscosity: float) -> bool:
     """Put the solution into the equations; return whether the residual is too large.
 
     Errors are written to ``work.end_error`` and ``work.modal_error``; the drift is reset to 1.
     """
+    system, work = run.system, run.work
     state.drift[0] = 1.0
-    evaluate_deviation_forces(system, table, state, work)
+    evaluate_deviation_forces(run, state)
     force = work.end_force
     force[:] = 0.0
     for block in range(system.end_stop.size):
@@ -180,18 +177,19 @@ def measure_residual(
         for slot in range(first, first + state.slots[block]):
             force[state.end_of_slot[slot]] = work.slot_force[slot]
     _scatter_to_leaders(system, force)
-    error = _end_errors(system, state, force, work.end_error)
-    leak = _modal_errors(system, state, work, force, inertia, viscosity)
+    error = _end_errors(run, state, force, work.end_error)
+    leak = _modal_errors(run, state, force, inertia, viscosity)
     allowed = LARGEST_LEAK * (1.0 + abs(float(state.ledger[MARKERS])))
     return error > LARGEST_ERROR or leak > allowed
 
 
 @compiled
-def equilibrium_residual(system: System, table: LawTable, state: State, work: Work) -> float:
+def equilibrium_residual(run: Run, state: State) -> float:
     """Return the largest displacement error of the leading ends under the law forces [m].
 
     It does not use the columns, so that their drift shows.
     """
-    evaluate_row_forces(system, table, state, work.end_force)
+    system, work = run.system, run.work
+    evaluate_row_forces(run, state, work.end_force)
     _scatter_to_leaders(system, work.end_force)
-    return _end_errors(system, state, work.end_force, work.end_error)
+    return _end_errors(run, state, work.end_force, work.end_error)

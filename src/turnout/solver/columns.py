@@ -44,7 +44,6 @@ from turnout.kernels.vector import (
     update_rank_two,
 )
 from turnout.law.friction import STICK, limit_line
-from turnout.law.table import LawTable
 from turnout.solver.state import (
     COUNT_FLIPS,
     COUNT_JOINING,
@@ -54,19 +53,19 @@ from turnout.solver.state import (
     LEVEL,
     PENDING,
     UNSOLVED,
+    Run,
     State,
 )
-from turnout.solver.system import Floats, Ints, System
+from turnout.solver.system import Floats, Ints
 
 REBUILD_AFTER = 2000
 """Flips after which the columns are rebuilt at the end of the step in any case."""
 
 
 @compiled
-def evaluate_deviation(
-    system: System, table: LawTable, state: State, row: int, slopes: Floats
-) -> float:
+def evaluate_deviation(run: Run, state: State, row: int, slopes: Floats) -> float:
     """Evaluate the deviation of a row: write its slope per term [N/m], return its shift [N]."""
+    system, table = run.system, run.table
     start, stop = system.term_start[row], system.term_start[row + 1]
     slopes[: stop - start] = 0.0
     shift = 0.0
@@ -95,11 +94,12 @@ def evaluate_deviation(
 
 
 @compiled
-def activate(system: System, state: State, end: int, row: int, weights: Floats) -> int:
+def activate(run: Run, state: State, end: int, row: int, weights: Floats) -> int:
     """Assemble the column of an end that becomes active; return its slot.
 
     `weights` is scratch memory with room for the slots of a block.
     """
+    system = run.system
     block = system.block_of_end[end]
     start = system.end_start[block]
     width = system.end_start[block + 1] - start
@@ -122,8 +122,9 @@ def activate(system: System, state: State, end: int, row: int, weights: Floats) 
 
 
 @compiled
-def deactivate(system: System, state: State, end: int) -> None:
+def deactivate(run: Run, state: State, end: int) -> None:
     """Remove the column of an end whose deviation has vanished."""
+    system = run.system
     block = system.block_of_end[end]
     slot = state.slot_of_end[end]
     state.slots[block] -= 1
@@ -140,18 +141,18 @@ def deactivate(system: System, state: State, end: int) -> None:
 
 
 @compiled
-def update_row(
-    system: System, table: LawTable, state: State, row: int, scratch: Floats, defer: bool
-) -> None:
+def update_row(run: Run, state: State, row: int, defer: bool) -> None:
     """Update one row to the present state of its laws.
 
-    `scratch` holds the terms and entries of the row and one column. With `defer` most columns may
-    wait for the next row, so that both take one pass; `finish_pending` must follow the last row.
+    With `defer` most columns may wait for the next row, so that both take one pass;
+    `finish_pending` must follow the last row.
     """
+    system = run.system
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
     n_terms = system.term_start[row + 1] - system.term_start[row]
-    slopes, entries = scratch[:n_terms], scratch[n_terms : n_terms + stop - start]
-    shift = evaluate_deviation(system, table, state, row, slopes)
+    scratch, used = run.work.row, n_terms + stop - start
+    slopes, entries, rest = scratch[:n_terms], scratch[n_terms:used], scratch[used:]
+    shift = evaluate_deviation(run, state, row, slopes)
     vanished = shift == 0.0 and system.pinned[row] == 0
     changed = False
     for k in range(stop - start):
@@ -167,27 +168,26 @@ def update_row(
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
     if system.row_ends[row, 1] >= 0:
-        finish_pending(system, state)
+        finish_pending(run, state)
         state.entries[start] = entries[0]
-        _update_joining_row(system, state, row, not vanished, scratch[n_terms + stop - start :])
+        _update_joining_row(run, state, row, not vanished, rest)
         return
     end = system.row_ends[row, 0]
-    rest = scratch[n_terms + stop - start :]
     if state.slot_of_end[end] < 0:
-        finish_pending(system, state)
-        activate(system, state, end, row, rest)
+        finish_pending(run, state)
+        activate(run, state, end, row, rest)
     for k in range(stop - start):
         delta = entries[k] - state.entries[start + k]
         state.entries[start + k] = entries[k]
         entries[k] = delta
     if changed:
-        _update_columns(system, state, row, entries, rest, shift_change, defer)
+        _update_columns(run, state, row, entries, rest, shift_change, defer)
     else:
-        finish_pending(system, state)
-        shift_constant(system, state, end, shift_change)
+        finish_pending(run, state)
+        shift_constant(run, state, end, shift_change)
     if vanished:
-        finish_pending(system, state)
-        deactivate(system, state, end)
+        finish_pending(run, state)
+        deactivate(run, state, end)
 
 
 @compiled
@@ -200,8 +200,9 @@ def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
 
 
 @compiled
-def shift_constant(system: System, state: State, end: int, shift_change: float) -> None:
+def shift_constant(run: Run, state: State, end: int, shift_change: float) -> None:
     """Add the displacements from a change of the shift of a row [N]."""
+    system = run.system
     block = system.block_of_end[end]
     first, stop = system.end_start[block], system.end_start[block + 1]
     state.counters[UNSOLVED] |= 1 << block
@@ -212,7 +213,7 @@ def shift_constant(system: System, state: State, end: int, shift_change: float) 
 
 @compiled
 def _update_columns(
-    system: System,
+    run: Run,
     state: State,
     row: int,
     change: Floats,
@@ -224,6 +225,7 @@ def _update_columns(
 
     `scratch` holds one column.
     """
+    system = run.system
     end = system.row_ends[row, 0]
     block = system.block_of_end[end]
     first = system.end_start[block]
@@ -233,11 +235,11 @@ def _update_columns(
     at = system.pattern_at[system.pattern_start[row] : system.pattern_start[row + 1]]
     before = state.counters[PENDING] - 1
     if before >= 0 and system.block_of_end[system.row_ends[before, 0]] != block:
-        finish_pending(system, state)
+        finish_pending(run, state)
         before = -1
     if before >= 0:
         slot_before = state.slot_of_end[system.row_ends[before, 0]]
-        change_before, at_before = _pending_change(system, state, before)
+        change_before, at_before = _pending_change(run, state, before)
         moved = state.columns[slot_before, :width]
         add_multiple(_dot_pattern(change_before, at_before, pivot), moved, pivot)
     denominator = 1.0
@@ -266,26 +268,28 @@ def _update_columns(
     copy(change, state.pending)
     state.counters[PENDING] = row + 1
     if not defer:
-        finish_pending(system, state)
+        finish_pending(run, state)
 
 
 @compiled
-def _pending_change(system: System, state: State, row: int) -> tuple[Floats, Ints]:
+def _pending_change(run: Run, state: State, row: int) -> tuple[Floats, Ints]:
     """Return the change of the entries of a row that most columns wait for, and their places."""
+    system = run.system
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
     return state.pending[: stop - start], system.pattern_at[start:stop]
 
 
 @compiled
-def finish_pending(system: System, state: State) -> None:
+def finish_pending(run: Run, state: State) -> None:
     """Update the columns that wait for the change of a row, if there is one."""
+    system = run.system
     row = state.counters[PENDING] - 1
     if row < 0:
         return
     state.counters[PENDING] = 0
     end = system.row_ends[row, 0]
     block, slot = system.block_of_end[end], state.slot_of_end[end]
-    change, at = _pending_change(system, state, row)
+    change, at = _pending_change(run, state, row)
     pivot = state.columns[slot, : system.end_start[block + 1] - system.end_start[block]]
     slots = system.slot_start[block]
     update_rank_one(change, at, pivot, state.columns[slots:slot])
@@ -295,18 +299,17 @@ def finish_pending(system: System, state: State) -> None:
 
 
 @compiled
-def _update_joining_row(
-    system: System, state: State, row: int, active: bool, scratch: Floats
-) -> None:
+def _update_joining_row(run: Run, state: State, row: int, active: bool, scratch: Floats) -> None:
     """Activate or deactivate both ends of a row that joins blocks, and list the row or not."""
+    system = run.system
     state.counters[COUPLED] = 0
     for side in range(2):
         end = system.row_ends[row, side]
         has_column = state.slot_of_end[end] >= 0
         if active and not has_column:
-            activate(system, state, end, row, scratch)
+            activate(run, state, end, row, scratch)
         if has_column and not active:
-            deactivate(system, state, end)
+            deactivate(run, state, end)
     count = state.counters[COUNT_JOINING]
     at = 0
     while at < count and state.joining[at] != row:
@@ -321,11 +324,12 @@ def _update_joining_row(
 
 
 @compiled
-def rebuild(system: System, table: LawTable, state: State, level: int, scratch: Floats) -> None:
+def rebuild(run: Run, state: State, level: int) -> None:
     """Rebuild every column for the step of a level, which removes the drift of many updates.
 
     The level must have been assembled.
     """
+    system, scratch = run.system, run.work.row
     state.counters[LEVEL] = level
     state.drift[0] = 1.0
     state.entries[:] = 0.0
@@ -347,9 +351,9 @@ def rebuild(system: System, table: LawTable, state: State, level: int, scratch: 
         if system.row_ends[row, 0] < 0:  # no row has this place
             continue
         if system.pinned[row] and system.row_ends[row, 1] < 0:
-            activate(system, state, system.row_ends[row, 0], row, scratch)
+            activate(run, state, system.row_ends[row, 0], row, scratch)
         elif system.pinned[row]:
-            _update_joining_row(system, state, row, True, scratch)
-        update_row(system, table, state, row, scratch, defer=False)
+            _update_joining_row(run, state, row, True, scratch)
+        update_row(run, state, row, defer=False)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1

@@ -6,7 +6,7 @@ from turnout.kernels.compiled import compiled
 from turnout.kernels.inverse import factorise_in_place, invert_factors
 from turnout.kernels.memory import acquire_matrix, release_matrix
 from turnout.kernels.vector import add_weighted_rows, copy
-from turnout.solver.state import State
+from turnout.solver.state import Run, State
 from turnout.solver.system import Floats, System
 
 READY, STALE = 1, 2
@@ -14,14 +14,13 @@ READY, STALE = 1, 2
 
 
 @compiled
-def assemble_level(
-    system: System, state: State, level: int, inertia: float, viscosity: float
-) -> None:
+def assemble_level(run: Run, state: State, level: int, inertia: float, viscosity: float) -> None:
     """Assemble the compliance of every block from the inverse of ``inertia I + viscosity C + K``.
 
     It is done once for each length of a step. A singular matrix gives NaN. What is *stale* is known
     from a run of the same rails with its objects elsewhere: only what hangs on these is made again.
     """
+    system = run.system
     ready = state.level_ready[level]
     state.level_ready[level] = READY
     compliance = state.compliance[level]

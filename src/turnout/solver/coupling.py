@@ -13,16 +13,17 @@ is factorised by rows with partial pivoting, and kept until a column of an end c
 import numpy as np
 
 from turnout.kernels.compiled import compiled
-from turnout.solver.state import COUNT_JOINING, COUPLED, State
+from turnout.solver.state import COUNT_JOINING, COUPLED, Run, State
 from turnout.solver.system import Floats, Ints, System
 
 
 @compiled
-def assemble_coupling(system: System, state: State) -> None:
+def assemble_coupling(run: Run, state: State) -> None:
     """Assemble and factorise the matrix of the joining rows.
 
     Where the rows are the same as before, entries of blocks whose columns are too stay as they are.
     """
+    system = run.system
     count = state.counters[COUNT_JOINING]
     matrix, assembled = state.coupling, state.assembled
     whole, stale = state.counters[COUPLED] == 0, state.counters[COUPLED] >> 1
@@ -33,7 +34,7 @@ def assemble_coupling(system: System, state: State) -> None:
         for j in range(count):
             other = state.joining[j]
             if whole or of_row & blocks_of(system, other) & stale:
-                total = _compliance_between(system, state, row, other)
+                total = _compliance_between(run, state, row, other)
                 assembled[i, j] = (1.0 if i == j else 0.0) - entry * total
             matrix[i, j] = assembled[i, j]
     _factorise(matrix, state.pivots, count)
@@ -49,8 +50,9 @@ def blocks_of(system: System, row: int) -> int:
 
 
 @compiled
-def _compliance_between(system: System, state: State, row: int, other: int) -> float:
+def _compliance_between(run: Run, state: State, row: int, other: int) -> float:
     """Return the displacement of a joining row under a unit force on another one [m/N]."""
+    system = run.system
     total = 0.0
     for side in range(2):
         end = system.row_ends[row, side]

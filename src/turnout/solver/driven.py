@@ -19,10 +19,11 @@ from turnout.machine.rows import machine_room
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.duty import Duty, machine_duties
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import Grid, PreparedRun
+from turnout.solver.prepared_run import Grid
 from turnout.solver.rods import Rods, all_stand, store_rods
 from turnout.solver.scratch import acquire_buffer
 from turnout.solver.seen import give_place
+from turnout.solver.state import Run, State
 
 Floats = NDArray[np.float64]
 
@@ -245,7 +246,7 @@ def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
     return found
 
 
-def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
 
     Raises
@@ -275,7 +276,7 @@ def new_rods(run: PreparedRun, mechanism: Mechanism, scheme: Scheme, count: int)
         commands=given.commands.copy(),
         shared_resistance=np.array([given.shared_resistance]),
         **machine_room(n, events=MOST_EVENTS)._asdict(),
-        place=run.system.row_place[run.laws.row[given.laws]].astype(np.int64),
+        place=run.table.row[given.laws].astype(np.int64),
         law=given.laws,
         input=given.inputs,
         shift=given.shift,
@@ -310,16 +311,13 @@ def most_places(machines: DriveMachines, grid: Grid, ends: Sequence[float]) -> i
     return commands + len(grid.stops) * (4 + len(ends))
 
 
-def start_rods(run: PreparedRun) -> None:
+def start_rods(run: Run, state: State, rods: Rods) -> None:
     """Start the machines from the rails at rest, and store the first instant."""
-    rods = run.rods
-    if rods is None:
-        return
-    rods.before[:] = run.state.g[rods.place] - rods.shift
+    rods.before[:] = state.g[rods.place] - rods.shift
     rods.rod_before[:] = rods.state[:, at.ROD_POSITION]
     rods.force[:] = run.work.force[rods.law]
     rods.state[:, at.ROD_FORCE] = -rods.force
-    store_rods(rods, run.state, run.record, run.positions[0], 0)
+    store_rods(run, state, rods, run.positions[0], 0)
 
 
 March = Callable[[int, int], tuple[Code, int]]
@@ -327,7 +325,8 @@ March = Callable[[int, int], tuple[Code, int]]
 
 
 def march_schedule(
-    run: PreparedRun,
+    run: Run,
+    rods: Rods | None,
     grid: Grid,
     inputs: Callable[[Floats], Floats],
     march: March,
@@ -337,8 +336,8 @@ def march_schedule(
 
     Parameters
     ----------
-    run : PreparedRun
-        Commands and inputs that a pause postpones are changed.
+    run, rods : Run, Rods
+        Inputs and commands that a pause postpones are changed.
     grid : Grid
         With its stops.
     inputs : callable
@@ -354,75 +353,79 @@ def march_schedule(
         Outcome, step reached, and a pause for each stop that was reached.
     """
     pauses, code, done, late = list[Pause](), Code.COMPLETE, 0, 0
-    commands = np.zeros((0, 0, 2)) if run.rods is None else run.rods.commands.copy()
+    commands = np.zeros((0, 0, 2)) if rods is None else rods.commands.copy()
     for stop in grid.stops:
         _keep_whole(run, [stop.step + late])
         code, done = march(done, stop.step + late)
-        pauses.append(Pause(stop.time + late * run.stepping.step, 0.0))
-        if code == Code.COMPLETE and stop.longest and _is_moving(run):
+        pauses.append(Pause(stop.time + late * run.options.step, 0.0))
+        if code == Code.COMPLETE and stop.longest and _is_moving(rods):
             begun, last = done, min(done + stop.longest, grid.room)
             pauses[-1] = replace(pauses[-1], length=math.inf)
-            _postpone(run, commands, inputs, pauses, done)
-            code, done = _march_to_rest(run, march, (done, last, grid.check))
+            _postpone(run, rods, commands, inputs, pauses, done)
+            code, done = _march_to_rest(run, rods, march, (done, last, grid.check))
             if code == Code.COMPLETE:
                 _keep_whole(run, [rest := min(done + stop.rest, grid.room)])
                 code, done = march(done, rest)
             late += done - begun
-            pauses[-1] = replace(pauses[-1], length=(done - begun) * run.stepping.step)
-            _postpone(run, commands, inputs, pauses, done)
-            _keep_whole(run, [late + e / run.stepping.step for e in ends if e > stop.time])
+            pauses[-1] = replace(pauses[-1], length=(done - begun) * run.options.step)
+            _postpone(run, rods, commands, inputs, pauses, done)
+            _keep_whole(run, [late + e / run.options.step for e in ends if e > stop.time])
         if code != Code.COMPLETE:
             break
-        if _is_moving(run) and done < grid.room:
-            _keep_whole(run, [done + run.stepping.stride])  # the end of an unfinished movement
+        if _is_moving(rods) and done < grid.room:
+            _keep_whole(run, [done + run.options.stride])  # the end of an unfinished movement
     return code, done, tuple(pauses)
 
 
-def _march_to_rest(run: PreparedRun, march: March, steps: tuple[int, int, int]) -> tuple[Code, int]:
+def _march_to_rest(
+    run: Run, rods: Rods | None, march: March, steps: tuple[int, int, int]
+) -> tuple[Code, int]:
     """March until all machines stand; `steps` are the first, the last, and from check to check."""
     done, last, every = steps
-    if run.rods is None:
+    if rods is None:
         return march(done, last)
     _keep_whole(run, [last])
-    run.rods.wait[:] = every, done
+    rods.wait[:] = every, done
     found = march(done, last)
-    run.rods.wait[0] = 0
+    rods.wait[0] = 0
     return found
 
 
-def _keep_whole(run: PreparedRun, steps: Iterable[float]) -> None:
+def _keep_whole(run: Run, steps: Iterable[float]) -> None:
     """Let a watched run keep the first stored instants from some steps on whole."""
     for step in steps:
-        row = math.ceil(step / run.stepping.stride - 1e-6)
+        row = math.ceil(step / run.options.stride - 1e-6)
         if row < run.record.places.shape[0]:
             give_place(run.record, row)
 
 
-def _is_moving(run: PreparedRun) -> bool:
+def _is_moving(rods: Rods | None) -> bool:
     """Return whether a motor is on, or a gear still turns."""
-    return run.rods is not None and not all_stand(run.rods)
+    return rods is not None and not all_stand(rods)
 
 
 def _postpone(
-    run: PreparedRun,
+    run: Run,
+    rods: Rods | None,
     commands: Floats,
     inputs: Callable[[Floats], Floats],
     pauses: Sequence[Pause],
     done: int,
 ) -> None:
     """Write the commands, and the inputs from a step on, that follow from some pauses."""
-    if run.rods is not None:
+    if rods is not None:
         later = slice(len(pauses), None)  # a pause precedes each movement but the first
         total = sum(item.length for item in pauses)
-        run.rods.commands[:, later, 0] = commands[:, later, 0] + total
-    if run.rods is not None and run.rods.input.size == run.positions.shape[1]:
+        rods.commands[:, later, 0] = commands[:, later, 0] + total
+    if rods is not None and rods.input.size == run.positions.shape[1]:
         return
-    times = run.stepping.step * np.arange(done + 1, len(run.positions), dtype=np.float64)
+    times = run.options.step * np.arange(done + 1, len(run.positions), dtype=np.float64)
     run.positions[done + 1 :] = inputs(schedule_time(times, pauses)).T
 
 
 def machine_history(
-    run: PreparedRun,
+    run: Run,
+    rods: Rods | None,
     mechanism: Mechanism,
     kept: int,
     booked: slice | NDArray[np.int64],
@@ -432,12 +435,12 @@ def machine_history(
 
     `booked` are the rows of their energies.
     """
-    rods, given = run.rods, mechanism.machines
+    given = mechanism.machines
     if rods is None or given is None:
         return None
     counts = rods.state[:, at.EVENTS].astype(int)
     return MachineHistory(
-        time=run.stepping.step * run.stepping.stride * np.arange(kept, dtype=np.float64),
+        time=run.options.step * run.options.stride * np.arange(kept, dtype=np.float64),
         names=given.names,
         records=given.records,
         constants=rods.constants,

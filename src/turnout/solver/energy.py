@@ -27,10 +27,9 @@ from turnout.kernels.lanes import (
 from turnout.kernels.vector import add_weighted_rows, copy, dot
 from turnout.law.friction import slip_anchors
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
-from turnout.law.table import LawTable
-from turnout.solver.scratch import LAWS, Work
+from turnout.solver.scratch import LAWS
 from turnout.solver.solve import mark_law
-from turnout.solver.state import State, set_segment
+from turnout.solver.state import Run, State, set_segment
 from turnout.solver.system import Floats, Ints, System
 
 MARKERS, FRICTION, DAMPING, SWITCHED, ALGORITHMIC, SEGMENTS, OBJECTS = range(7)
@@ -115,30 +114,29 @@ def write_energies(stored: Floats, ledger: Floats, rows: Floats) -> None:
         rows[RESIDUAL, n] = unaccounted_energy(ledger, n, change)
 
 
-def folded_energy(system: System, table: LawTable, state: State) -> float:
+def folded_energy(run: Run, state: State) -> float:
     """Return the present energy of the linear system with all laws on their base segments [J].
 
     The stored energy of an instant is a small difference of such energies where chairs that are
     closed in the linear system lie metres below their rails.
     """
-    of_modes = 0.0
+    of_modes, system = 0.0, run.system
     for first, last in pairwise(system.mode_start.tolist()):
         q = state.q[first:last]
         of_modes += float(q @ system.stiffness[first:last, : last - first] @ q)
-    displacement = state.g[table.row]
+    displacement = state.g[run.table.row]
     return 0.5 * (of_modes + float(system.base_slope @ (displacement * displacement)))
 
 
 @compiled_part
-def account_laws(
-    system: System, table: LawTable, state: State, work: Work, inputs_start: Floats, time: float
-) -> None:
+def account_laws(run: Run, state: State, inputs_start: Floats, time: float) -> None:
     """Add up the work of the markers and the dissipation of laws that change their segment.
 
     A law that stays on its segment dissipates nothing: its mean force times the displacement is its
     change of energy. ``work.argument`` and ``work.force`` are those of the solution,
     ``work.g_start`` are the displacements at the start of the step.
     """
+    system, table, work = run.system, run.table, run.work
     g, g_start, argument, inputs = state.g, work.g_start, work.argument, state.inputs
     forces = work.force
     for k in range(system.input_law.size):
@@ -171,7 +169,7 @@ def account_laws(
 
 
 @compiled_part
-def account_friction(system: System, state: State, work: Work) -> None:
+def account_friction(run: Run, state: State) -> None:
     """Add up friction work; move the anchors of slipping feet so that force and spring agree.
 
     ``work.trial`` and ``work.limit`` are those of the solution. The limit is not cut off at zero,
@@ -180,6 +178,7 @@ def account_friction(system: System, state: State, work: Work) -> None:
     slip, since the foot reversed within the step; the difference is numerical dissipation, as of
     laws that change their segment.
     """
+    system, work = run.system, run.work
     of_friction, of_turns = slip_anchors(
         state.friction, work.trial, work.limit, system.stick_flexibility, state.friction_force,
         state.anchor,
@@ -189,11 +188,12 @@ def account_friction(system: System, state: State, work: Work) -> None:
 
 
 @compiled_part
-def switch_laws(system: System, table: LawTable, state: State, work: Work, time: float) -> int:
+def switch_laws(run: Run, state: State, time: float) -> int:
     """Let laws appear or disappear at `time`; return how many rows are marked for an update.
 
     A law that waits for room (a foreign object) does not appear while it would press at once.
     """
+    system, table = run.system, run.table
     count = 0
     for k in range(system.timed_law.size):
         law = system.timed_law[k]
@@ -213,7 +213,7 @@ def switch_laws(system: System, table: LawTable, state: State, work: Work, time:
         new_force, new_energy = force_and_energy(state, law, e)
         state.ledger[SWITCHED] += new_energy - energy
         state.jump[law] += force - new_force
-        count = mark_law(system, table, state, work, count, law)
+        count = mark_law(run, state, count, law)
     return count
 
 
@@ -225,12 +225,13 @@ def force_and_energy(state: State, law: int, e: float) -> tuple[float, float]:
 
 
 @compiled
-def set_energy_reference(system: System, table: LawTable, state: State, work: Work) -> None:
+def set_energy_reference(run: Run, state: State) -> None:
     """Make the present modal coordinates the reference of strain and potential energy.
 
     Accelerations are small differences of coordinates over the square of the step. Without this
     reference their rounding would be multiplied by the whole sag of a rail.
     """
+    system, table, work = run.system, run.table, run.work
     modal_g, ends = work.end_scratch, system.joining_ends
     modal_g[:] = 0.0
     for block in range(system.end_stop.size):
@@ -261,7 +262,7 @@ def _modal_forces(system: System, q: Floats, force: Floats) -> None:
 
 
 @compiled_part
-def store_energy(system: System, table: LawTable, state: State, work: Work, stored: Floats) -> None:
+def store_energy(run: Run, state: State, stored: Floats) -> None:
     """Write the energies of the present instant [J].
 
     Strain energy of beams and linear supports follows from Clapeyron's theorem: half the work of
@@ -270,6 +271,7 @@ def store_energy(system: System, table: LawTable, state: State, work: Work, stor
     act at their rows, which the load moves by `r` beyond the modes. Gravity and strain leave out
     the same constant. ``work.argument`` and ``work.force`` are those of the solution.
     """
+    system, table, work = run.system, run.table, run.work
     motion = (state.q, state.v, state.acceleration)
     reference = (state.q_rest, state.modal_force_rest)
     of_modes, of_load, twice_kinetic = _modal_work(motion, reference, system.load, system.damping)

@@ -19,13 +19,11 @@ from turnout.solver.columns import rebuild
 from turnout.solver.compliance import assemble_level
 from turnout.solver.energy import account_friction, account_laws, set_energy_reference
 from turnout.solver.follow import follow_path
-from turnout.solver.scratch import Work
 from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
     NOT_FINITE,
-    Tolerances,
     evaluate,
     iterate_contact_set,
     restore_contact_set,
@@ -33,8 +31,8 @@ from turnout.solver.solve import (
     update_contact_set,
     update_marked,
 )
-from turnout.solver.state import State
-from turnout.solver.system import Floats, Ints, System
+from turnout.solver.state import Run, State
+from turnout.solver.system import Floats, Ints
 
 ITERATIONS = 100
 """Most Newton steps; some ten are usual."""
@@ -104,30 +102,27 @@ def _evaluate_laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 @compiled
-def equilibrium(
-    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
-) -> int:
+def equilibrium(run: Run, state: State) -> int:
     """Find the static equilibrium for the present inputs by iterating the contact set.
 
     The columns are those of a level without inertia and viscosity, the last one. The solution is
     refined, so that a rail at rest does not move in its first step.
     """
+    system, work = run.system, run.work
     static = state.level_ready.size - 1
-    assemble_level(system, state, static, 0.0, 0.0)
-    rebuild(system, table, state, static, work.row)
+    assemble_level(run, state, static, 0.0, 0.0)
+    rebuild(run, state, static)
     copy(system.load, work.right_side)
-    code = iterate_contact_set(system, table, state, work, tolerances)
+    code = iterate_contact_set(run, state)
     if code == CONVERGED:
-        _refine_contact_set(system, table, state, work, tolerances)
+        _refine_contact_set(run, state)
         if any_not_finite(state.g):  # an infinite one may lie in the last segment of its law
             return NOT_FINITE
     return code
 
 
 @compiled
-def _refine_contact_set(
-    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
-) -> None:
+def _refine_contact_set(run: Run, state: State) -> None:
     """Refine the static solution, and the contact set where the refined solution violates it.
 
     Where chairs lie metres below their rails a refinement moves contacts by more than their
@@ -135,66 +130,67 @@ def _refine_contact_set(
     last solution stays, which violates its laws by that rounding.
     """
     for attempt in range(REFINEMENTS + 1):
-        measure_residual(system, table, state, work, 0.0, 0.0)
-        refine(system, state, work)
+        measure_residual(run, state, 0.0, 0.0)
+        refine(run, state)
         if attempt == REFINEMENTS:
             return
-        count = update_contact_set(system, table, state, work, tolerances, one_at_a_time=False)
+        count = update_contact_set(run, state, one_at_a_time=False)
         if count == 0:
             return
-        update_marked(system, table, state, work, count)
-        solve_displacements(system, table, state, work)
-        gather_modes(system, state)
+        update_marked(run, state, count)
+        solve_displacements(run, state)
+        gather_modes(run, state)
 
 
 @compiled
-def anchor_at_rest(system: System, table: LawTable, state: State, work: Work) -> None:
+def anchor_at_rest(run: Run, state: State) -> None:
     """Anchor every foot at its present place, and start the energy balance from here."""
+    table = run.table
     state.friction[:] = STICK
     for friction in range(state.anchor.size):
         state.anchor[friction] = state.g[table.friction_row[friction]]
-    start_energy_balance(system, table, state, work)
+    start_energy_balance(run, state)
 
 
 @compiled
-def start_energy_balance(system: System, table: LawTable, state: State, work: Work) -> None:
+def start_energy_balance(run: Run, state: State) -> None:
     """Start the energy balance from the present solution; anchors of slipping feet follow it."""
-    evaluate(table, state, work)
-    account_laws(system, table, state, work, state.inputs, 0.0)
-    account_friction(system, state, work)
+    work = run.work
+    evaluate(run, state)
+    account_laws(run, state, state.inputs, 0.0)
+    account_friction(run, state)
     state.ledger[:] = 0.0
     work.unconverged[:] = 0
-    set_energy_reference(system, table, state, work)
+    set_energy_reference(run, state)
 
 
 @compiled
-def settle(
-    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
-) -> int:
+def settle(run: Run, state: State) -> int:
     """Bring a state in motion to rest under friction; return CONVERGED or what prevented it.
 
     The contact set is iterated from the present one with the anchors as they are. Where that does
     not converge, the forces of inertia and dampers, without which the present state would not be
     one of equilibrium, are taken away along a straight path, event by event.
     """
+    system, work = run.system, run.work
     static = state.level_ready.size - 1
-    assemble_level(system, state, static, 0.0, 0.0)
-    rebuild(system, table, state, static, work.row)
+    assemble_level(run, state, static, 0.0, 0.0)
+    rebuild(run, state, static)
     copy(system.load, work.right_side)
     copy(state.q, work.q_start)
     work.changed[:] = 1
-    save_contact_set(state, work)
-    code = iterate_contact_set(system, table, state, work, tolerances)
+    save_contact_set(run, state)
+    code = iterate_contact_set(run, state)
     if code == NOT_CONVERGED:
         copy(work.q_start, state.q)
         copy(work.g_start, state.g)
-        restore_contact_set(system, table, state, work)
-        rebuild(system, table, state, static, work.row)
+        restore_contact_set(run, state)
+        rebuild(run, state, static)
         copy(system.load, work.right_side)
         copy(state.inputs, work.inputs_start)
         copy(state.inputs, work.inputs_end)
         inputs = (work.inputs_start, work.inputs_end)
-        code = follow_path(system, table, state, work, tolerances, inputs, 0.0, 0.0)
+        code = follow_path(run, state, inputs, 0.0, 0.0)
     if code == CONVERGED:
-        _refine_contact_set(system, table, state, work, tolerances)
+        _refine_contact_set(run, state)
     return code

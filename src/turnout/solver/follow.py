@@ -11,31 +11,27 @@ from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import add_scaled, copy, dot
 from turnout.law.friction import branch_event, friction_limit, trial_force
 from turnout.law.kernel import share_until_zero
-from turnout.law.table import LawTable
-from turnout.solver.scratch import Work
 from turnout.solver.solution import evaluate_deviation_forces, gather_modes, solve_displacements
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
-    Tolerances,
     evaluate,
     mark_law,
     mark_row,
     update_marked,
 )
-from turnout.solver.state import UNSOLVED, State, set_segment
-from turnout.solver.system import Floats, System
+from turnout.solver.state import UNSOLVED, Run, State, set_segment
+from turnout.solver.system import Floats
 
 EVENTS, EVENTS_AT_ONE_PLACE = 2000, 400
 """Most events of a path, in all and without progress; it is given up beyond."""
 
 
 @compiled
-def _assemble_path_start(
-    system: System, table: LawTable, state: State, work: Work, inertia: float, viscosity: float
-) -> None:
+def _assemble_path_start(run: Run, state: State, inertia: float, viscosity: float) -> None:
     """Assemble the right side for which the present state solves the step."""
-    evaluate_deviation_forces(system, table, state, work)
+    system, work = run.system, run.work
+    evaluate_deviation_forces(run, state)
     for block in range(system.mode_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         q, side = state.q[first:last], work.right_side_start[first:last]
@@ -49,29 +45,24 @@ def _assemble_path_start(
 
 
 @compiled
-def _solve_at(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    inputs: tuple[Floats, Floats],
-    share: float,
-) -> None:
+def _solve_at(run: Run, state: State, inputs: tuple[Floats, Floats], share: float) -> None:
     """Solve for the displacements of the present contact set at a share of the path [0 to 1]."""
+    work = run.work
     start, end = work.right_side_start, work.right_side_end
     for i in range(work.right_side.size):
         work.right_side[i] = start[i] + share * (end[i] - start[i])
     for k in range(state.inputs.size):
         state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
     state.counters[UNSOLVED] = -1
-    solve_displacements(system, table, state, work)
+    solve_displacements(run, state)
 
 
 @compiled
 def _law_event(
-    table: LawTable, state: State, law: int, end: tuple[Floats, Floats], gap: float
+    run: Run, state: State, law: int, end: tuple[Floats, Floats], gap: float
 ) -> tuple[float, int]:
     """Return where on the path a law leaves its segment [share, 2 for never], and to which side."""
+    table = run.table
     row, index = table.row[law], table.input_index[law]
     argument, argument_end = state.g[row], end[0][row]
     if index >= 0:
@@ -86,9 +77,10 @@ def _law_event(
 
 @compiled
 def _friction_event(
-    table: LawTable, state: State, friction: int, end: Floats, force: float
+    run: Run, state: State, friction: int, end: Floats, force: float
 ) -> tuple[float, int]:
     """Return where on the path a friction leaves its branch [share, 2 for never], and to which."""
+    table = run.table
     normal, row = table.friction_normal[friction], table.friction_row[friction]
     slope, constant = state.slope[normal], state.constant[normal]
     normal_row, stiffness = table.row[normal], table.stick_stiffness[friction]
@@ -103,9 +95,7 @@ def _friction_event(
 
 
 @compiled
-def find_next_event(
-    table: LawTable, state: State, end: tuple[Floats, Floats], tolerances: Tolerances
-) -> tuple[float, int, int]:
+def find_next_event(run: Run, state: State, end: tuple[Floats, Floats]) -> tuple[float, int, int]:
     """Find the first event on the straight path from the present state to `end`.
 
     Parameters
@@ -119,46 +109,39 @@ def find_next_event(
         Position as a share of the path; the law, or beyond the laws the friction, -1 for none; and
         the side to which a law, or the branch to which a friction changes.
     """
+    table, options = run.table, run.options
     share, which, to = 1.0, -1, 0
     n_laws = table.row.size
     for law in range(n_laws):
-        candidate, side = _law_event(table, state, law, end, tolerances.gap)
+        candidate, side = _law_event(run, state, law, end, options.gap)
         if candidate < share:
             share, which, to = candidate, law, side
     for friction in range(table.friction_row.size):
-        candidate, branch = _friction_event(table, state, friction, end[0], tolerances.force)
+        candidate, branch = _friction_event(run, state, friction, end[0], options.force)
         if candidate < share:
             share, which, to = candidate, n_laws + friction, branch
     return share, which, to
 
 
 @compiled
-def apply_event(
-    system: System, table: LawTable, state: State, work: Work, which: int, to: int
-) -> None:
+def apply_event(run: Run, state: State, which: int, to: int) -> None:
     """Change the law or friction of an event and flag its row as unconverged."""
+    table, work = run.table, run.work
     n_laws = table.row.size
     if which < n_laws:
         set_segment(table, state, which, state.segment[which] + to)
-        count = mark_law(system, table, state, work, 0, which)
+        count = mark_law(run, state, 0, which)
     else:
         state.friction[which - n_laws] = to
         count = mark_row(work, 0, table.friction_row[which - n_laws])
     for i in range(count):
         work.unconverged[work.dirty_list[i]] = 1
-    update_marked(system, table, state, work, count)
+    update_marked(run, state, count)
 
 
 @compiled
 def follow_path(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    inputs: tuple[Floats, Floats],
-    inertia: float,
-    viscosity: float,
+    run: Run, state: State, inputs: tuple[Floats, Floats], inertia: float, viscosity: float
 ) -> int:
     """Follow the path from the present state to its end; return CONVERGED or what prevented it.
 
@@ -169,23 +152,24 @@ def follow_path(
     inertia, viscosity : float
         Factors of identity [1/s2] and damping [1/s] in the matrix of the step.
     """
+    work = run.work
     copy(work.right_side, work.right_side_end)
-    _assemble_path_start(system, table, state, work, inertia, viscosity)
+    _assemble_path_start(run, state, inertia, viscosity)
     share, stalled = 0.0, 0
     for _ in range(EVENTS):
         if stalled >= EVENTS_AT_ONE_PLACE:
             break
-        _solve_at(system, table, state, work, inputs, 1.0)
+        _solve_at(run, state, inputs, 1.0)
         copy(state.g, work.g_end)
-        _solve_at(system, table, state, work, inputs, share)
-        advance, which, to = find_next_event(table, state, (work.g_end, inputs[1]), tolerances)
+        _solve_at(run, state, inputs, share)
+        advance, which, to = find_next_event(run, state, (work.g_end, inputs[1]))
         if which < 0:
-            _solve_at(system, table, state, work, inputs, 1.0)
-            gather_modes(system, state)
-            evaluate(table, state, work)
+            _solve_at(run, state, inputs, 1.0)
+            gather_modes(run, state)
+            evaluate(run, state)
             return CONVERGED
         stalled = stalled + 1 if advance * (1.0 - share) < 1e-12 else 0
         share += advance * (1.0 - share)
         work.unconverged[:] = 0
-        apply_event(system, table, state, work, which, to)
+        apply_event(run, state, which, to)
     return NOT_CONVERGED

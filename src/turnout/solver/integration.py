@@ -2,9 +2,8 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
 from turnout.solver.accuracy import equilibrium_residual
-from turnout.solver.arrange import arrange
+from turnout.solver.arrange import Arrangement, arrange
 from turnout.solver.condense import CondensedRails
 from turnout.solver.dense import interpolate_record
 from turnout.solver.driven import (
@@ -43,16 +42,17 @@ from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
 from turnout.solver.prepared_run import (
     Grid,
-    PreparedRun,
     RunSetup,
     choose_grid,
+    give_back,
     prepare,
     set_up_run,
 )
 from turnout.solver.record import kept_obstructions, trim_record
+from turnout.solver.rods import Rods
 from turnout.solver.seen import StepRecord, seen_weights
 from turnout.solver.start import PriorMotion, StartPlan, find_start, plan_start
-from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS
+from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS, Run, State
 from turnout.solver.watch import (
     Watch,
     Watched,
@@ -286,31 +286,30 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     mechanism, scheme, inputs = given.mechanism, given.scheme, given.inputs
     grid, plan, arrangement = given.grid, given.watched, given.setup.arrangement
     positions, stride = given.setup.positions, grid.stride
-    run, pauses = prepare(given.setup), tuple[Pause, ...]()
+    (run, state), pauses = prepare(given.setup), tuple[Pause, ...]()
     rods = new_rods(run, mechanism, scheme, grid.n_stored)
-    if rods is not None:
-        run = replace(run, rods=rods)
-    _compile_march(run, after_motion=given.start is not None)
-    code, done = find_start(run, arrangement, given.start), 0
+    _compile_march(run, state, rods, after_motion=given.start is not None)
+    code, done = find_start(run, state, arrangement, given.start), 0
     if code == Code.COMPLETE:
-        start_rods(run)
-        store_instant(run.system, run.table, run.state, run.work, run.record, 0)
+        if rods is not None:
+            start_rods(run, state, rods)
+        store_instant(run, state, 0)
 
         def march(first: int, last: int) -> tuple[Code, int]:
-            return _march_in_chunks(run, (first, last, grid.n_steps), report)
+            return _march_in_chunks(run, state, rods, (first, last, grid.n_steps), report)
 
         ends = () if plan is None else plan.watch.whole
-        code, done, pauses = march_schedule(run, grid, inputs, march, ends)
+        code, done, pauses = march_schedule(run, rods, grid, inputs, march, ends)
     kept = 0 if code in WITHOUT_START else done // stride + 1
     booked = slice(kept) if plan is None else plan.places_of(2, kept)
     balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
-    machines = machine_history(run, mechanism, kept, booked, pauses)
+    machines = machine_history(run, rods, mechanism, kept, booked, pauses)
     if machines is not None:
         balance = machines.with_balance(*balance)
     if code == Code.COMPLETE and not is_closed(*balance):
-        folded = folded_energy(run.system, run.table, run.state)
+        folded = folded_energy(run, state)
         code = Code.COMPLETE if is_closed(*balance, folded) else Code.INACCURATE
-    residual = equilibrium_residual(run.system, run.table, run.state, run.work)
+    residual = equilibrium_residual(run, state)
     outcome = Outcome(
         code=code,
         time=done * scheme.step,
@@ -320,7 +319,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
-    record = trim_record(run.record, run.system, run.laws, kept, plan)
+    record = trim_record(run.record, run.system, run.table, kept, plan)
     instants = _times(scheme.step * stride, grid.n_stored)[:kept]
     positions = positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
@@ -335,16 +334,17 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
     positions.flags.writeable = False  # throws may share them
     history = _assemble_history(
-        run, record, arrangement.condensed, outcome, instants, positions, machines, plan
+        run, state, record, arrangement, outcome, instants, positions, machines, plan
     )
-    run.give_back()
+    give_back(arrangement, run, state)
     return history
 
 
 def _assemble_history(
-    run: PreparedRun,
+    run: Run,
+    state: State,
     record: StepRecord,
-    condensed: CondensedRails,
+    arrangement: Arrangement,
     outcome: Outcome,
     instants: Floats,
     positions: Floats,
@@ -352,7 +352,7 @@ def _assemble_history(
     plan: WatchPlan | None,
 ) -> History:
     """Return a history, of a watched run one of its whole instants with what was watched."""
-    state, watched = run.state, None
+    watched = None
     placed = state.law_placed.copy()
     first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
     if plan is not None:
@@ -376,8 +376,8 @@ def _assemble_history(
         ledger=record.ledger,
         law_placed=placed,
         law_first=first,
-        condensed=condensed,
-        laws=run.laws,
+        condensed=arrangement.condensed,
+        laws=arrangement.laws,
         machines=machines,
         outcome=outcome,
         iterations=int(state.counters[COUNT_ITERATIONS]),
@@ -388,48 +388,36 @@ def _assemble_history(
     )
 
 
-def _time_loop(run: PreparedRun, first: int, last: int) -> tuple[Callable[..., Any], Sequence[Any]]:
-    """Return the kernel that marches from one step to another, and its arguments."""
-    given = (run.system, run.table, run.state, run.work, run.tolerances, run.stepping)
-    record = (run.record, run.obstructions, run.courses)
-    kernel = march if run.rods is None else march_with_machines
-    return kernel, (*given, run.positions, first, last, *record, run.rods)
-
-
-def _march(run: PreparedRun, first: int, last: int) -> tuple[int, int]:
-    kernel, given = _time_loop(run, first, last)
-    found: tuple[int, int] = kernel(*given)
-    return found
+def _march(run: Run, state: State, rods: Rods | None, first: int, last: int) -> tuple[int, int]:
+    if rods is None:
+        return march(run, state, first, last, None)
+    return march_with_machines(run, state, first, last, rods)
 
 
 # Whether the kernels for drives that are machines, and for others, are at hand.
 _at_hand: set[bool] = set()
 
 
-def _compile_march(run: PreparedRun, *, after_motion: bool) -> None:
+def _compile_march(run: Run, state: State, rods: Rods | None, *, after_motion: bool) -> None:
     """Compile or load the time loop on its first use, while Ctrl-C still ends the program at once.
 
     A motion before the start knows no machines.
     """
-    needed = {run.rods is not None, False} if after_motion else {run.rods is not None}
+    needed = {rods is not None, False} if after_motion else {rods is not None}
     if needed <= _at_hand:
         return
-    of_rails = (run.system, run.table, run.state, run.work)
-    loops = [_time_loop(run if machines else replace(run, rods=None), 0, 0) for machines in needed]
-    prepare_kernels(
-        *loops,
-        (equilibrium, (*of_rails, run.tolerances)),
-        (settle, (*of_rails, run.tolerances)),
-        (anchor_at_rest, of_rails),
-        (start_energy_balance, of_rails),
-        (store_instant, (*of_rails, run.record, 0)),
-        (equilibrium_residual, of_rails),
-    )
+    loops = [(march_with_machines, (run, state, 0, 0, rods))] if True in needed else []
+    loops += [(march, (run, state, 0, 0, None))] if False in needed else []
+    kernels = (equilibrium, settle, anchor_at_rest, start_energy_balance, equilibrium_residual)
+    of_start = [(kernel, (run, state)) for kernel in kernels]
+    prepare_kernels(*loops, *of_start, (store_instant, (run, state, 0)))
     _at_hand.update(needed)
 
 
 def _march_in_chunks(
-    run: PreparedRun,
+    run: Run,
+    state: State,
+    rods: Rods | None,
     steps: tuple[int, int, int],
     report: Callable[[int, int], None] | None,
 ) -> tuple[Code, int]:
@@ -444,7 +432,7 @@ def _march_in_chunks(
             began = time.perf_counter()
             last = min(done + chunk, until)
             with held_interrupt():
-                number, done = _march(run, done, last)
+                number, done = _march(run, state, rods, done, last)
             if number != Code.COMPLETE or done < last:  # machines that it waited for have arrived
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
@@ -456,7 +444,7 @@ def _march_in_chunks(
     return Code.COMPLETE, done
 
 
-def _name_unconverged(mechanism: Mechanism, run: PreparedRun) -> tuple[str, ...]:
+def _name_unconverged(mechanism: Mechanism, run: Run) -> tuple[str, ...]:
     """Return the names of the laws on rows that still changed when the last attempt ended."""
     rows, table = run.work.unconverged, run.table
     if not np.count_nonzero(rows):

@@ -22,8 +22,7 @@ from turnout.solver.compliance import READY, STALE
 from turnout.solver.numbering import Places
 from turnout.solver.scratch import Work
 from turnout.solver.seen import StepRecord
-from turnout.solver.state import State
-from turnout.solver.step import Stepping
+from turnout.solver.state import Options, State
 from turnout.solver.system import Ints, System
 
 Templates = dict[tuple[int, int], tuple[State, Work]]
@@ -91,25 +90,25 @@ class RunMemory:
 _kept = LRUCache[RunMemory](24)  # three megabytes each in quick mode
 
 
-def take_memory(frame: Frame, stepping: Stepping, sizes: tuple[int, ...]) -> RunMemory | None:
+def take_memory(frame: Frame, options: Options, sizes: tuple[int, ...]) -> RunMemory | None:
     """Take the memory of a run; None where there is none.
 
     Parameters
     ----------
     frame : Frame
         As of `RunMemory`.
-    stepping : Stepping
+    options : Options
         The lengths of its steps.
     sizes : tuple of int
         Numbers of its inputs and levels.
     """
-    return _kept.pop(_key(frame, stepping, sizes))
+    return _kept.pop(_key(frame, options, sizes))
 
 
 def give_back_memory(
     frame: Frame,
     system: System,
-    stepping: Stepping,
+    options: Options,
     state: State,
     work: Work,
     record: StepRecord | None = None,
@@ -117,7 +116,7 @@ def give_back_memory(
     """Give back the memory of a run that has ended."""
     sizes = state.inputs.size, state.level_ready.size
     memory = RunMemory(frame, system, state, work, state.level_ready.copy(), record)
-    _kept.put(_key(frame, stepping, sizes), memory)
+    _kept.put(_key(frame, options, sizes), memory)
 
 
 def clear_levels() -> None:
@@ -125,6 +124,6 @@ def clear_levels() -> None:
     _kept.clear()
 
 
-def _key(frame: Frame, stepping: Stepping, sizes: tuple[int, ...]) -> Hashable:
-    numbers = (stepping.step, stepping.alpha_m, stepping.alpha_f, stepping.beta, stepping.gamma)
+def _key(frame: Frame, options: Options, sizes: tuple[int, ...]) -> Hashable:
+    numbers = (options.step, options.alpha_m, options.alpha_f, options.beta, options.gamma)
     return (id(frame.templates), *numbers, *sizes)

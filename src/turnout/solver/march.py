@@ -8,9 +8,6 @@ import numpy as np
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import LANES, gather_neighbours, load, store, store_nontemporal
 from turnout.kernels.vector import copy
-from turnout.law.friction import FrictionCourses
-from turnout.law.obstruction import Obstructions
-from turnout.law.table import LawTable
 from turnout.solver.accuracy import (
     DRIFTS,
     equilibrium_residual,
@@ -45,12 +42,10 @@ from turnout.solver.rods import (
     rods_may_stay,
     store_rods,
 )
-from turnout.solver.scratch import Work
-from turnout.solver.seen import StepRecord, store_seen
+from turnout.solver.seen import store_seen
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
-    Tolerances,
     evaluate,
     iterate_contact_set,
     restore_contact_set,
@@ -63,17 +58,18 @@ from turnout.solver.state import (
     COUPLED,
     LEVEL,
     UNSOLVED,
+    Options,
+    Run,
     State,
 )
 from turnout.solver.step import (
     Factors,
-    Stepping,
     correct,
     is_at_rest,
     predict,
     step_factors,
 )
-from turnout.solver.system import Floats, Ints, System
+from turnout.solver.system import Floats, Ints
 
 MEASURE_EVERY = 400
 """Steps after which the residual of a solution is measured in any case."""
@@ -85,95 +81,84 @@ shows, grows with one over the square of the length."""
 
 
 @compiled
-def switch_level(
-    system: System, table: LawTable, state: State, work: Work, stepping: Stepping, level: int
-) -> None:
-    """Assemble the columns of a step that has been halved `level` times."""
-    factors = step_factors(stepping, stepping.step / (1 << level))
-    assemble_level(system, state, level, factors.inertia, factors.viscosity)
-    rebuild(system, table, state, level, work.row)
+def switch_level(run: Run, state: State, level: int) -> Factors:
+    """Assemble the columns of a step that has been halved `level` times; return its factors."""
+    factors = step_factors(run.options, run.options.step / (1 << level))
+    assemble_level(run, state, level, factors.inertia, factors.viscosity)
+    rebuild(run, state, level)
+    return factors
 
 
 @compiled_part
 def _try_step(
-    system: System,
-    table: LawTable,
+    run: Run,
     state: State,
-    work: Work,
-    tolerances: Tolerances,
-    stepping: Stepping,
-    h: float,
     factors: Factors,
     inputs: tuple[Floats, Floats],
     last: bool,
-    obstructions: Obstructions,
     rods: Rods | None = None,
     time: float = 0.0,
 ) -> int:
-    """Take one step of length `h` [s]; on failure restore the state, except its inputs.
+    """Take one step of the length of `factors`; on failure restore the state, except its inputs.
 
     A `last` attempt follows the solution path where the contact set does not converge; others end
     with PASSED where an obstruction fails on the way.
     """
-    inertia, viscosity = factors.inertia, factors.viscosity
-    predict(system, state, work, stepping, h, factors)
-    save_contact_set(state, work)
-    code = iterate_contact_set(system, table, state, work, tolerances)
+    work, options = run.work, run.options
+    inertia, viscosity, span = factors.inertia, factors.viscosity, (time, factors.h)
+    predict(run, state, factors)
+    save_contact_set(run, state)
+    code = iterate_contact_set(run, state)
     if rods is not None:  # noqa: SIM102, this alone is left out where there are none
         if code == CONVERGED:
-            code = iterate_rods(rods, system, table, state, work, tolerances, (time, h))
+            code = iterate_rods(run, state, rods, span)
     if code == NOT_CONVERGED and last:
         copy(work.q_start, state.q)
         copy(work.g_start, state.g)
         copy(inputs[0], state.inputs)
-        restore_contact_set(system, table, state, work)
-        rebuild(system, table, state, stepping.halvings, work.row)
-        code = follow_path(system, table, state, work, tolerances, inputs, inertia, viscosity)
+        restore_contact_set(run, state)
+        rebuild(run, state, options.halvings)
+        code = follow_path(run, state, inputs, inertia, viscosity)
         if rods is not None:  # noqa: SIM102, as above
             if code == CONVERGED:
-                code = meet_rods(rods, state, (time, h))
+                code = meet_rods(rods, state, span)
     if code == CONVERGED and (
-        is_inaccurate(system, table, state, work, inertia, viscosity)
+        is_inaccurate(run, state, inertia, viscosity)
         or state.counters[COUNT_RECENT] >= REBUILD_AFTER
     ):
         if state.counters[COUNT_RECENT] > 0:
             # the contact set is known; solve again with columns that carry no rounding of updates
-            rebuild(system, table, state, state.counters[LEVEL], work.row)
-            code = iterate_contact_set(system, table, state, work, tolerances)
-        if code == CONVERGED and measure_residual(system, table, state, work, inertia, viscosity):
-            refine(system, state, work)
-            evaluate(table, state, work)
+            rebuild(run, state, state.counters[LEVEL])
+            code = iterate_contact_set(run, state)
+        if code == CONVERGED and measure_residual(run, state, inertia, viscosity):
+            refine(run, state)
+            evaluate(run, state)
             state.drift[0] = DRIFTS
-    if code == CONVERGED and _can_locate(stepping, state.counters[LEVEL]):  # noqa: SIM102, as above
-        if passes_failure(table, state, obstructions):
+    if code == CONVERGED and _can_locate(options, state.counters[LEVEL]):  # noqa: SIM102, as above
+        if passes_failure(run, state):
             code = PASSED
     if code == CONVERGED:
-        correct(system, state, work, stepping, factors)
+        correct(run, state, factors)
         return code
     copy(work.q_start, state.q)
     copy(work.g_start, state.g)
-    restore_contact_set(system, table, state, work)
+    restore_contact_set(run, state)
     return code
 
 
 @compiled
-def _can_locate(stepping: Stepping, level: int) -> bool:
+def _can_locate(options: Options, level: int) -> bool:
     """Return whether the pieces of a level may be halved to locate a failure."""
-    return level < stepping.halvings and stepping.step >= SHORTEST_PIECE * (2 << level)
+    return level < options.halvings and options.step >= SHORTEST_PIECE * (2 << level)
 
 
 @compiled_part
 def _advance(
-    system: System,
-    table: LawTable,
+    run: Run,
     state: State,
-    work: Work,
-    tolerances: Tolerances,
-    stepping: Stepping,
     nominal: Factors,
     inputs: tuple[Floats, Floats],
     time: float,
-    obstructions: Obstructions,
     rods: Rods | None,
 ) -> int:
     """Advance by one nominal step from `time` [s], in one piece or in halved pieces.
@@ -181,16 +166,15 @@ def _advance(
     `nominal` are the factors of a step in one piece. Where an obstruction fails, the smallest piece
     ends there, and so small are those that follow.
     """
+    work, options = run.work, run.options
     first, last = inputs
-    n_pieces = 1 << stepping.halvings
+    n_pieces = 1 << options.halvings
     position, level, fails = 0, 0, False
-    h, factors = stepping.step, nominal
-    if has_just_broken(state, obstructions):
-        while _can_locate(stepping, level):
+    factors = nominal
+    if has_just_broken(run, state):
+        while _can_locate(options, level):
             level += 1
-        h = stepping.step / (1 << level)
-        factors = step_factors(stepping, h)
-        switch_level(system, table, state, work, stepping, level)
+        factors = switch_level(run, state, level)
     begin, end = work.inputs_start, work.inputs_end
     while position < n_pieces:
         size = n_pieces >> level
@@ -199,36 +183,31 @@ def _advance(
             begin[k] = state.inputs[k]
             state.inputs[k] = first[k] + share * (last[k] - first[k])
             end[k] = state.inputs[k]
-        begun = time + position / n_pieces * stepping.step
+        begun = time + position / n_pieces * options.step
         if rods is not None:
-            move_rods(rods, state, end, (begun, h))
-        last_attempt = stepping.follow_path and level == stepping.halvings
-        code = _try_step(
-            system, table, state, work, tolerances, stepping, h, factors, (begin, end),
-            last_attempt, obstructions, rods, begun,
-        )  # fmt: skip
+            move_rods(rods, state, end, (begun, factors.h))
+        last_attempt = options.follow_path and level == options.halvings
+        code = _try_step(run, state, factors, (begin, end), last_attempt, rods, begun)
         if code != CONVERGED:
             copy(begin, state.inputs)
             fails |= code == PASSED
             level += 1
-            if level > stepping.halvings:
+            if level > options.halvings:
                 return code
             state.counters[COUNT_HALVED] += 1
-            h = stepping.step / (1 << level)
-            factors = step_factors(stepping, h)
-            switch_level(system, table, state, work, stepping, level)
+            factors = switch_level(run, state, level)
             continue
         if level > 0 or last_attempt:
             work.unconverged[:] = 0
         if rods is not None:
-            accept_rods(rods, state, work, begin, (begun, h))
-        account_laws(system, table, state, work, begin, time + share * stepping.step)
-        account_friction(system, state, work)
+            accept_rods(run, state, rods, begin, (begun, factors.h))
+        account_laws(run, state, begin, time + share * options.step)
+        account_friction(run, state)
         position += size
         if fails and position < n_pieces:
-            now = time + share * stepping.step
-            count = update_obstructions(system, table, state, work, obstructions, now)
-            update_marked(system, table, state, work, count)
+            now = time + share * options.step
+            count = update_obstructions(run, state, now)
+            update_marked(run, state, count)
     return CONVERGED
 
 
@@ -251,10 +230,9 @@ def _copy_to(values: Floats, to: Floats, cached: int) -> None:
 
 
 @compiled_part
-def store_instant(
-    system: System, table: LawTable, state: State, work: Work, record: StepRecord, at: int
-) -> None:
+def store_instant(run: Run, state: State, at: int) -> None:
     """Write the present instant to its places in the record."""
+    system, work, record = run.system, run.work, run.record
     listed = record.places.shape[0] > 0
     whole = record.places[at, 0] if listed else at
     if whole >= 0:
@@ -271,7 +249,7 @@ def store_instant(
         store_seen(system, (state.q, state.g), forces, record, kept)
     balanced = record.places[at, 2] if listed else at
     if balanced >= 0:
-        store_energy(system, table, state, work, record.stored[balanced])
+        store_energy(run, state, record.stored[balanced])
         for column in range(state.ledger.size):
             record.ledger[balanced, column] = state.ledger[column]
     for k in range(record.watched.size):
@@ -279,9 +257,7 @@ def store_instant(
 
 
 @compiled_part
-def _stands_still(
-    state: State, stepping: Stepping, tolerances: Tolerances, inputs: tuple[Floats, Floats]
-) -> bool:
+def _stands_still(run: Run, state: State, inputs: tuple[Floats, Floats]) -> bool:
     """Return whether a step between two positions of the markers would change nothing.
 
     Then neither columns nor rows have changed since the last solution, and everything is at rest.
@@ -290,24 +266,12 @@ def _stands_still(
     unchanged = state.counters[UNSOLVED] == 0 and state.counters[COUPLED] == 1
     for k in range(first.size):
         unchanged = unchanged and first[k] == last[k]
-    return unchanged and is_at_rest(state, stepping.step, tolerances.gap)
+    return unchanged and is_at_rest(state, run.options.step, run.options.gap)
 
 
 @compiled
 def march(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    stepping: Stepping,
-    inputs: Floats,
-    first: int,
-    last: int,
-    record: StepRecord,
-    obstructions: Obstructions,
-    courses: FrictionCourses,
-    rods: Rods | None = None,
+    run: Run, state: State, first: int, last: int, rods: Rods | None = None
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
 
@@ -315,59 +279,51 @@ def march(
 
     Parameters
     ----------
-    inputs : ndarray, shape (n_steps + 1, n_inputs)
-        Marker positions at the ends of the steps [m].
     first, last : int
-        Indices into `inputs`; the state is that of instant `first`, its columns those of the
+        Rows of ``run.positions``; the state is that of instant `first`, its columns those of the
         nominal step. Splitting a march into several changes no bit of the result.
-    obstructions : Obstructions
-        Laws that remember what was done to them.
-    courses : FrictionCourses
-        Friction that differs along the stroke.
     rods : Rods, optional
         Of drives that are machines; their inputs are written as they come to be.
     """
-    nominal = step_factors(stepping, stepping.step)
+    options, inputs, record, courses = run.options, run.positions, run.record, run.courses
+    nominal = step_factors(options, options.step)
     whole = int(np.int64(0))  # a literal is another type: all it reaches would compile once more
-    row, remaining = first // stepping.stride, stepping.stride - first % stepping.stride
+    row, remaining = first // options.stride, options.stride - first % options.stride
     for n in range(first, last):
-        time = n * stepping.step
-        if stepping.inertia and state.counters[LEVEL] != 0:
-            switch_level(system, table, state, work, stepping, whole)
-        count = switch_laws(system, table, state, work, time + stepping.step)
-        update_marked(system, table, state, work, count)
+        time = n * options.step
+        if options.inertia and state.counters[LEVEL] != 0:
+            switch_level(run, state, whole)
+        count = switch_laws(run, state, time + options.step)
+        update_marked(run, state, count)
         pair, free = (inputs[n], inputs[n + 1]), True
         if rods is not None:
-            free = rods_may_stay(rods, pair, (time, stepping.step))
-        if free and stepping.inertia and _stands_still(state, stepping, tolerances, pair):
+            free = rods_may_stay(rods, pair, (time, options.step))
+        if free and options.inertia and _stands_still(run, state, pair):
             code = CONVERGED
             if rods is not None:
-                repeat_rods(rods, (time, stepping.step))
-        elif stepping.inertia:
-            code = _advance(
-                system, table, state, work, tolerances, stepping, nominal, pair, time,
-                obstructions, rods,
-            )  # fmt: skip
+                repeat_rods(rods, (time, options.step))
+        elif options.inertia:
+            code = _advance(run, state, nominal, pair, time, rods)
         else:
-            span = (time, time + stepping.step)
-            code = advance_static(system, table, state, work, tolerances, pair, span)
+            span = (time, time + options.step)
+            code = advance_static(run, state, pair, span)
         if code != CONVERGED:
             return code, n
         remaining -= 1
         if rods is not None:
-            store_rods(rods, state, record, inputs[n + 1], row + 1 if remaining == 0 else -1)
+            store_rods(run, state, rods, inputs[n + 1], row + 1 if remaining == 0 else -1)
         if remaining == 0:
-            row, remaining = row + 1, stepping.stride
-            store_instant(system, table, state, work, record, row)
+            row, remaining = row + 1, options.stride
+            store_instant(run, state, row)
             if row % MEASURE_EVERY == 0:
-                residual = equilibrium_residual(system, table, state, work)
+                residual = equilibrium_residual(run, state)
                 record.residual[0] = max(record.residual[0], residual)
-        now = time + stepping.step
-        count = update_obstructions(system, table, state, work, obstructions, now)
+        now = time + options.step
+        count = update_obstructions(run, state, now)
         if courses.friction.size or courses.excess.size:
-            count = update_courses(system, table, state, work, courses, stepping.step, n, count)
-        update_marked(system, table, state, work, count)
-        if stepping.inertia and (n + 1) % MEASURE_EVERY == 0:
+            count = update_courses(run, state, n, count)
+        update_marked(run, state, count)
+        if options.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
         if rods is not None:  # noqa: SIM102, as above
             if have_arrived(rods, n + 1):
@@ -377,33 +333,7 @@ def march(
 
 @compiled
 def march_with_machines(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    stepping: Stepping,
-    inputs: Floats,
-    first: int,
-    last: int,
-    record: StepRecord,
-    obstructions: Obstructions,
-    courses: FrictionCourses,
-    rods: Rods,
+    run: Run, state: State, first: int, last: int, rods: Rods
 ) -> tuple[int, int]:
     """Step as `march` with drives that are machines, as a kernel with a cache of its own."""
-    return march(
-        system,
-        table,
-        state,
-        work,
-        tolerances,
-        stepping,
-        inputs,
-        first,
-        last,
-        record,
-        obstructions,
-        courses,
-        rods,
-    )
+    return march(run, state, first, last, rods)

@@ -9,7 +9,7 @@ in halves, until the smallest of them ends there.
 
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import sum_weighted_rows
-from turnout.law.friction import STICK, FrictionCourses, forces_beyond_level
+from turnout.law.friction import STICK, forces_beyond_level
 from turnout.law.kernel import law_argument, segment_for
 from turnout.law.obstruction import (
     BREAKS_AWAY,
@@ -17,20 +17,16 @@ from turnout.law.obstruction import (
     LARGEST_OVERRUN,
     NEVER,
     SPLITS,
-    Obstructions,
     crumble,
     dent,
     failure,
     overrun,
     split,
 )
-from turnout.law.table import LawTable
 from turnout.solver.columns import shift_constant
 from turnout.solver.energy import OBJECTS, SEGMENTS, force_and_energy
-from turnout.solver.scratch import Work
 from turnout.solver.solve import mark_law, mark_row
-from turnout.solver.state import State, set_segment
-from turnout.solver.system import System
+from turnout.solver.state import Run, State, set_segment
 
 ELASTIC = 1
 """Segment of an obstruction without change."""
@@ -42,14 +38,7 @@ EVERY_STEP = 2e-3
 
 
 @compiled
-def update_obstructions(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    obstructions: Obstructions,
-    time: float,
-) -> int:
+def update_obstructions(run: Run, state: State, time: float) -> int:
     """Leave dents and break what fails at the present state.
 
     Parameters
@@ -62,6 +51,7 @@ def update_obstructions(
     int
         Rows that are marked for an update of the columns.
     """
+    table, obstructions = run.table, run.obstructions
     count = 0
     for row in range(obstructions.law.size):
         law = obstructions.law[row]
@@ -77,8 +67,8 @@ def update_obstructions(
             continue
         e = law_argument(table, law, state.g, state.inputs)
         if breaks != NEVER and overrun(table, obstructions, row, e) > 0.0:
-            _break(table, state, obstructions, row, e, time)
-            count = mark_law(system, table, state, work, count, law)
+            _break(run, state, row, e, time)
+            count = mark_law(run, state, count, law)
         elif breaks in (NEVER, CRUMBLES) and e > obstructions.deepest[row]:
             lost = dent(table, law, segment, e, obstructions.unloading[row])
             obstructions.deepest[row] = e
@@ -89,8 +79,9 @@ def update_obstructions(
 
 
 @compiled
-def passes_failure(table: LawTable, state: State, obstructions: Obstructions) -> bool:
+def passes_failure(run: Run, state: State) -> bool:
     """Return whether some obstruction is further beyond its failure than is overlooked."""
+    table, obstructions = run.table, run.obstructions
     for row in range(obstructions.law.size):
         law = obstructions.law[row]
         if state.present[law] == 0 or obstructions.breaks[row] == NEVER:
@@ -104,8 +95,9 @@ def passes_failure(table: LawTable, state: State, obstructions: Obstructions) ->
 
 
 @compiled
-def has_just_broken(state: State, obstructions: Obstructions) -> bool:
+def has_just_broken(run: Run, state: State) -> bool:
     """Return whether a force has dropped at the present instant."""
+    obstructions = run.obstructions
     for row in range(obstructions.law.size):
         if obstructions.broken[row] > 0 and state.jump[obstructions.law[row]] != 0.0:
             return True
@@ -113,22 +105,11 @@ def has_just_broken(state: State, obstructions: Obstructions) -> bool:
 
 
 @compiled
-def update_courses(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    courses: FrictionCourses,
-    step: float,
-    n: int,
-    count: int,
-) -> int:
+def update_courses(run: Run, state: State, n: int, count: int) -> int:
     """Give frictions the coefficients at the present openings and speeds of their feet.
 
     Parameters
     ----------
-    step : float
-        Length of the nominal step [s].
     n : int
         Number of the present step.
     count : int
@@ -139,6 +120,7 @@ def update_courses(
     int
         Rows that are marked in all.
     """
+    table, work, courses = run.table, run.work, run.courses
     for row in range(courses.friction.size):
         friction = courses.friction[row]
         place = table.friction_row[friction]
@@ -156,22 +138,15 @@ def update_courses(
             courses.rise[friction] = courses.rise_from[at]
         if state.friction[friction] != STICK:
             count = mark_row(work, count, place)
-    if courses.excess.size and (step >= EVERY_STEP or n % 2):
-        count = _follow_speeds(system, table, state, work, courses, step, count)
+    if courses.excess.size and (run.options.step >= EVERY_STEP or n % 2):
+        count = _follow_speeds(run, state, count)
     return count
 
 
 @compiled
-def _follow_speeds(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    courses: FrictionCourses,
-    step: float,
-    count: int,
-) -> int:
+def _follow_speeds(run: Run, state: State, count: int) -> int:
     """Give frictions the limits at the present speeds of the modes at their feet."""
+    system, table, work, courses = run.system, run.table, run.work, run.courses
     width = courses.modes.shape[1]
     for block in range(courses.feet.size):
         if courses.feet[block]:
@@ -182,7 +157,7 @@ def _follow_speeds(
         (work.force, table.friction_normal, table.friction_coefficient),
         (courses.excess, courses.fall, courses.rise),
         (courses.speed, courses.speed_of),
-        state.friction, CURVE_RATE * step, state.friction_beyond, work.friction_shift,
+        state.friction, CURVE_RATE * run.options.step, state.friction_beyond, work.friction_shift,
     ):  # fmt: skip
         return count
     rows, total, moved, n_moved = table.friction_row, work.foot_shift, work.coupled_end, 0
@@ -198,13 +173,14 @@ def _follow_speeds(
             count = mark_row(work, count, place)
         elif change != 0.0:  # a foot may have several frictions
             state.shift[place] = shift
-            shift_constant(system, state, place, change)
+            shift_constant(run, state, place, change)
     return count
 
 
 @compiled
-def freeze(table: LawTable, state: State, obstructions: Obstructions) -> None:
+def freeze(run: Run, state: State) -> None:
     """Bond what is frozen where it stands now, without force."""
+    table, obstructions = run.table, run.obstructions
     for row in range(obstructions.law.size):
         if obstructions.breaks[row] == BREAKS_AWAY:
             law = obstructions.law[row]
@@ -212,14 +188,13 @@ def freeze(table: LawTable, state: State, obstructions: Obstructions) -> None:
 
 
 @compiled
-def _break(
-    table: LawTable, state: State, obstructions: Obstructions, row: int, e: float, time: float
-) -> None:
+def _break(run: Run, state: State, row: int, e: float, time: float) -> None:
     """Break an obstruction at the compression `e` [m]; what its law stored beyond is dissipated.
 
     The work of the force that falls, on the way that the step went on beyond the failure, is none
     of the obstruction's and counts as numerical.
     """
+    table, obstructions = run.table, run.obstructions
     law, breaks = obstructions.law[row], obstructions.breaks[row]
     force, energy = force_and_energy(state, law, e)
     late = overrun(table, obstructions, row, e) * (abs(force) - obstructions.crushed[row])

@@ -7,14 +7,14 @@ for it is in the processor's caches; state and scratch arrays are those of the r
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import MechanicsError, SolverError
-from turnout.core.scheme import AlphaCoefficients, Scheme
+from turnout.core.scheme import Scheme
 from turnout.kernels.lanes import whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
 from turnout.law.friction import FrictionCourses, no_courses
@@ -25,12 +25,9 @@ from turnout.solver.arrange import Arrangement
 from turnout.solver.levels import Frame, give_back_memory, take_memory
 from turnout.solver.numbering import as_unsigned
 from turnout.solver.record import empty_record
-from turnout.solver.rods import Rods
 from turnout.solver.scratch import Work, new_work
 from turnout.solver.seen import SeenWeights, StepRecord
-from turnout.solver.solve import Tolerances
-from turnout.solver.state import State, fresh_copy, fresh_state, refill_state
-from turnout.solver.step import Stepping
+from turnout.solver.state import Options, Run, State, fresh_copy, fresh_state, refill_state
 from turnout.solver.system import System
 from turnout.solver.watch import WatchPlan
 
@@ -164,12 +161,10 @@ class RunSetup:
     ----------
     arrangement : Arrangement
         The condensed mechanism.
-    laws, table : LawTable
-        Its laws, or others in the same places; the table is changed by the run.
-    stepping : Stepping
-        Lengths of steps.
-    tolerances : Tolerances
-        Of its iterations.
+    table : LawTable
+        Its laws by places, or others there; changed by the run.
+    options : Options
+        Lengths of steps, tolerances.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
     n_stored : int
@@ -180,55 +175,19 @@ class RunSetup:
         Laws with memory.
     courses : FrictionCourses
         Friction along the stroke.
-    present : ndarray of bool, shape (n_laws,)
-        Whether each law acts at the start.
     record : StepRecord, optional
         Of a watched run, which is small; others get theirs when they begin.
     """
 
     arrangement: Arrangement
-    laws: LawTable
     table: LawTable
-    stepping: Stepping
-    tolerances: Tolerances
+    options: Options
     positions: Floats
     n_stored: int
     velocity: bool
     obstructions: Obstructions
     courses: FrictionCourses
-    present: NDArray[np.bool_]
     record: StepRecord | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PreparedRun:
-    """All data of one run; `positions` are the inputs at the ends of the steps [m].
-
-    `present` are the laws that act at the start.
-    `frame` is that of its arrangement, whose rails may be `known` from other runs.
-    """
-
-    system: System
-    laws: LawTable
-    table: LawTable
-    state: State
-    work: Work
-    tolerances: Tolerances
-    stepping: Stepping
-    positions: Floats
-    record: StepRecord
-    obstructions: Obstructions
-    courses: FrictionCourses
-    present: NDArray[np.bool_]
-    frame: Frame
-    known: bool
-    rods: Rods | None = None
-
-    def give_back(self, *, record: bool = False) -> None:
-        """Give back, at its end, what another run of these rails can use; maybe its record too."""
-        if self.known:
-            memory = (self.state, self.work, self.record if record else None)
-            give_back_memory(self.frame, self.system, self.stepping, *memory)
 
 
 def set_up_run(
@@ -239,7 +198,7 @@ def set_up_run(
     *,
     filled_in: bool = False,
     watched: tuple[WatchPlan, SeenWeights] | None = None,
-    laws: tuple[LawTable, LawTable] | None = None,
+    table: LawTable | None = None,
 ) -> RunSetup:
     """Set up a run.
 
@@ -257,82 +216,47 @@ def set_up_run(
         Whether instants between the steps are wanted, which needs velocities.
     watched : tuple of WatchPlan and SeenWeights, optional
         Which instants are stored whole and kept, and what is seen of these; default all of them.
-    laws : tuple of LawTable, optional
-        Laws and table in place of those of the arrangement.
+    table : LawTable, optional
+        Laws by places, in place of those of the arrangement.
     """
-    of_run, table = laws or (arrangement.laws, arrangement.table)
+    table = arrangement.table if table is None else table
     mechanism, velocity = arrangement.mechanism, filled_in and scheme.inertia
     record = None
     if watched is not None:
         system = arrangement.system
-        record = empty_record(system, of_run, n_stored, velocity=velocity, watched=watched)
+        record = empty_record(system, table, n_stored, velocity=velocity, watched=watched)
     return RunSetup(
         arrangement=arrangement,
-        laws=of_run,
         table=table,
-        stepping=_stepping(scheme),
-        tolerances=Tolerances(
-            float(scheme.gap_tolerance), float(scheme.force_tolerance), scheme.iterations
-        ),
+        options=Options.of(scheme),
         positions=positions,
         n_stored=n_stored,
         velocity=velocity,
         obstructions=_set_up_obstructions(mechanism.obstructions, table),
         courses=_set_up_courses(mechanism.courses, arrangement.frame, table),
-        present=present_at_start(of_run),
         record=record,
     )
 
 
-def present_at_start(laws: LawTable) -> NDArray[np.bool_]:
-    """Return whether each law acts at the start, shape (n_laws,)."""
-    present: NDArray[np.bool_] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
-    return np.asarray(present & (laws.waits == 0))
-
-
-@lru_cache(maxsize=16)
-def _stepping(scheme: Scheme) -> Stepping:
-    alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
-    return Stepping(
-        float(scheme.step),
-        alpha.alpha_m,
-        alpha.alpha_f,
-        alpha.beta,
-        alpha.gamma,
-        scheme.halvings,
-        scheme.follow_path,
-        max(scheme.stride, 1),
-        scheme.inertia,
-    )
-
-
-def prepare(setup: RunSetup) -> PreparedRun:
+def prepare(setup: RunSetup) -> tuple[Run, State]:
     """Give a run that was set up its state, scratch arrays and record; nothing has moved yet."""
-    arrangement = setup.arrangement
+    system, table, count = setup.arrangement.system, setup.table, setup.n_stored
     state, work, record = _copy_templates(setup)
     state.inputs[:] = setup.positions[0]
     if setup.record is not None:
         record = setup.record
-    elif record is None or record.q.shape[0] != setup.n_stored or setup.velocity:
-        system, count = arrangement.system, setup.n_stored
-        record = empty_record(system, setup.laws, count, velocity=setup.velocity, watched=None)
+    elif record is None or record.q.shape[0] != count or setup.velocity:
+        record = empty_record(system, table, count, velocity=setup.velocity, watched=None)
     record.residual[:] = 0.0
-    return PreparedRun(
-        system=arrangement.system,
-        laws=setup.laws,
-        table=setup.table,
-        state=state,
-        work=work,
-        tolerances=setup.tolerances,
-        stepping=setup.stepping,
-        positions=setup.positions,
-        record=record,
-        obstructions=setup.obstructions,
-        courses=setup.courses,
-        present=setup.present,
-        frame=arrangement.frame,
-        known=arrangement.known,
-    )
+    given = setup.options, setup.positions, record, setup.obstructions, setup.courses
+    return Run(system, table, work, *given), state
+
+
+def give_back(arrangement: Arrangement, run: Run, state: State, *, record: bool = False) -> None:
+    """Give back, at its end, what another run of these rails can use; maybe its record too."""
+    if arrangement.known:
+        memory = (state, run.work, run.record if record else None)
+        give_back_memory(arrangement.frame, run.system, run.options, *memory)
 
 
 def _set_up_obstructions(given: Obstructions, table: LawTable) -> Obstructions:
@@ -398,8 +322,8 @@ def _copy_templates(setup: RunSetup) -> tuple[State, Work, StepRecord | None]:
 
     Their memory is that of a run before, where there is one, and the record that one left.
     """
-    arrangement, table, stepping = setup.arrangement, setup.table, setup.stepping
-    sizes = setup.positions.shape[1], stepping.halvings + 2  # levels: halvings, and no inertia
+    arrangement, table, options = setup.arrangement, setup.table, setup.options
+    sizes = setup.positions.shape[1], options.halvings + 2  # levels: halvings, and no inertia
     frame = arrangement.frame
     template = frame.templates.get(sizes)
     if template is None:
@@ -407,7 +331,7 @@ def _copy_templates(setup: RunSetup) -> tuple[State, Work, StepRecord | None]:
         fresh = fresh_state(arrangement.system, table, n_inputs=n_inputs, levels=levels)
         template = frame.templates[sizes] = fresh, new_work(arrangement.system, table)
     state, work = template
-    memory = take_memory(frame, stepping, sizes)
+    memory = take_memory(frame, options, sizes)
     if memory is None:
         return fresh_copy(state), clone_record(work), None
     refill_state(memory.state, state, memory.ready_for(arrangement.system, frame))

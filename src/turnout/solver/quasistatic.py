@@ -13,20 +13,17 @@ with an outcome code.
 from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import copy
 from turnout.law.kernel import any_not_finite
-from turnout.law.table import LawTable
 from turnout.solver.energy import account_friction, account_laws
 from turnout.solver.follow import EVENTS_AT_ONE_PLACE, apply_event, find_next_event
-from turnout.solver.scratch import Work
 from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.solve import (
     CONVERGED,
     NOT_FINITE,
-    Tolerances,
     evaluate,
     save_contact_set,
 )
-from turnout.solver.state import COUNT_ITERATIONS, UNSOLVED, State
-from turnout.solver.system import Floats, System
+from turnout.solver.state import COUNT_ITERATIONS, UNSOLVED, Run, State
+from turnout.solver.system import Floats
 
 NO_CONTINUATION = 6
 LEAST_SHARE = 1e-12
@@ -35,13 +32,7 @@ LEAST_SHARE = 1e-12
 
 @compiled
 def advance_static(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    inputs: tuple[Floats, Floats],
-    times: tuple[float, float],
+    run: Run, state: State, inputs: tuple[Floats, Floats], times: tuple[float, float]
 ) -> int:
     """Follow one straight piece of the markers' path; return CONVERGED or what prevented it.
 
@@ -52,28 +43,29 @@ def advance_static(
     times : tuple of two float
         Times of the start and the end [s].
     """
+    system, work = run.system, run.work
     inputs_start, inputs_end = work.inputs_start, work.inputs_end
     copy(inputs[0], inputs_start)
     copy(inputs[1], inputs_end)
     copy(system.load, work.right_side)
     state.counters[UNSOLVED] = -1
     progress, stalled = 0.0, 0
-    save_contact_set(state, work)
+    save_contact_set(run, state)
     while stalled < EVENTS_AT_ONE_PLACE:
-        _solve_at(system, table, state, work, inputs_end, inputs_end, 1.0)
+        _solve_at(run, state, inputs_end, inputs_end, 1.0)
         copy(state.g, work.g_end)
-        _solve_at(system, table, state, work, inputs_start, inputs_end, 0.0)
+        _solve_at(run, state, inputs_start, inputs_end, 0.0)
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(work.g_end):
             return NOT_FINITE
-        share, which, to = find_next_event(table, state, (work.g_end, inputs_end), tolerances)
-        _solve_at(system, table, state, work, inputs_start, inputs_end, share)
-        gather_modes(system, state)
+        share, which, to = find_next_event(run, state, (work.g_end, inputs_end))
+        _solve_at(run, state, inputs_start, inputs_end, share)
+        gather_modes(run, state)
         progress += share * (1.0 - progress)
-        evaluate(table, state, work)
+        evaluate(run, state)
         time = times[0] + progress * (times[1] - times[0])
-        account_laws(system, table, state, work, inputs_start, time)
-        account_friction(system, state, work)
+        account_laws(run, state, inputs_start, time)
+        account_friction(run, state)
         copy(state.inputs, inputs_start)
         if share > LEAST_SHARE:
             stalled = 0
@@ -82,22 +74,16 @@ def advance_static(
             stalled += 1
         if which < 0:
             return CONVERGED
-        save_contact_set(state, work)  # of the work added up so far
-        apply_event(system, table, state, work, which, to)
+        save_contact_set(run, state)  # of the work added up so far
+        apply_event(run, state, which, to)
     return NO_CONTINUATION
 
 
 @compiled
 def _solve_at(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    inputs_start: Floats,
-    inputs_end: Floats,
-    share: float,
+    run: Run, state: State, inputs_start: Floats, inputs_end: Floats, share: float
 ) -> None:
     """Solve for the equilibrium of the present contact set at a share of the piece [0 to 1]."""
     for k in range(state.inputs.size):
         state.inputs[k] = inputs_start[k] + share * (inputs_end[k] - inputs_start[k])
-    solve_displacements(system, table, state, work)
+    solve_displacements(run, state)

@@ -38,7 +38,7 @@ def empty_record(
     system : System
         Of the run.
     laws : LawTable
-        All laws, by rows of the mechanism.
+        All laws.
     count : int
         Number of stored instants.
     velocity : bool

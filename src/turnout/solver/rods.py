@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled, compiled_part
 from turnout.kernels.vector import copy
-from turnout.law.table import LawTable
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import (
     Machines,
@@ -21,11 +20,10 @@ from turnout.machine.compute.couple import (
     machines_repeat,
     try_machines,
 )
-from turnout.solver.scratch import Work
-from turnout.solver.seen import StepRecord, give_place
-from turnout.solver.solve import CONVERGED, NOT_CONVERGED, Tolerances, iterate_contact_set
-from turnout.solver.state import State
-from turnout.solver.system import Floats, Ints, System
+from turnout.solver.seen import give_place
+from turnout.solver.solve import CONVERGED, NOT_CONVERGED, iterate_contact_set
+from turnout.solver.state import Run, State
+from turnout.solver.system import Floats, Ints
 
 ROD_TOLERANCE = 1e-8
 """Movement of a rod end or its rail from one correction to the next that is overlooked [m]."""
@@ -174,15 +172,7 @@ def _speed_and_bend(now: float, one: float, two: float, lengths: Floats) -> tupl
 
 
 @compiled
-def iterate_rods(
-    rods: Rods,
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    span: tuple[float, float],
-) -> int:
+def iterate_rods(run: Run, state: State, rods: Rods, span: tuple[float, float]) -> int:
     """Correct rod ends and rails in turn until they hold at once."""
     for number in range(CORRECTIONS):
         off = 0.0
@@ -198,7 +188,7 @@ def iterate_rods(
         if moved <= ROD_TOLERANCE:
             rods.left[0] = max(rods.left[0], moved)
             return CONVERGED
-        code = iterate_contact_set(system, table, state, work, tolerances)
+        code = iterate_contact_set(run, state)
         if code != CONVERGED:
             return code
     return NOT_CONVERGED
@@ -216,7 +206,7 @@ def meet_rods(rods: Rods, state: State, span: tuple[float, float]) -> int:
 
 @compiled_part
 def accept_rods(
-    rods: Rods, state: State, work: Work, begin: Floats, span: tuple[float, float]
+    run: Run, state: State, rods: Rods, begin: Floats, span: tuple[float, float]
 ) -> None:
     """Accept the end of a step as the machines' state, and add their work on the rods.
 
@@ -227,6 +217,7 @@ def accept_rods(
     span : tuple of float
         Its start and length [s].
     """
+    work = run.work
     rod_before = rods.rod_before
     for k in range(rods.input.size):
         rod_before[1, k], rod_before[0, k] = rod_before[0, k], rods.state[k, at.ROD_POSITION]
@@ -283,11 +274,12 @@ def repeat_rods(rods: Rods, span: tuple[float, float]) -> None:
 
 
 @compiled
-def store_rods(rods: Rods, state: State, record: StepRecord, inputs: Floats, row: int) -> None:
+def store_rods(run: Run, state: State, rods: Rods, inputs: Floats, row: int) -> None:
     """Write the inputs of the rods, and their machines where an instant is stored.
 
     A watched run keeps an instant whole at which a machine has come to rest.
     """
+    record = run.record
     for k in range(rods.input.size):
         inputs[rods.input[k]] = state.inputs[rods.input[k]]
     if row < 0:

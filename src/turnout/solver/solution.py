@@ -9,20 +9,19 @@ from turnout.kernels.vector import (
     gather_all,
     sum_weighted_rows,
 )
-from turnout.law.table import LawTable
 from turnout.solver.coupling import assemble_coupling, solve_coupling, value_at_end
-from turnout.solver.scratch import Work
-from turnout.solver.state import COUNT_JOINING, COUPLED, UNSOLVED, State
-from turnout.solver.system import Floats, Ints, System
+from turnout.solver.state import COUNT_JOINING, COUPLED, UNSOLVED, Run, State
+from turnout.solver.system import Floats, Ints
 
 
 @compiled
-def solve_displacements(system: System, table: LawTable, state: State, work: Work) -> None:
+def solve_displacements(run: Run, state: State) -> None:
     """Solve for all displacements of the present contact set from ``work.right_side``.
 
     Blocks whose columns and right side are the same (`UNSOLVED`) move as in the last solution but
     for the forces of inputs and joining rows.
     """
+    system, work = run.system, run.work
     end_start, mode_start = system.end_start, system.mode_start
     force, g, columns = work.right_side, state.g, state.mode_columns
     constant = state.constant_column
@@ -34,19 +33,20 @@ def solve_displacements(system: System, table: LawTable, state: State, work: Wor
             sum_weighted_rows(constant[start:stop], force[first:last], columns[first:last], free)
         copy(free, g[start:stop])
     state.counters[UNSOLVED] = 0
-    _evaluate_inputs(system, table, state, work)
+    _evaluate_inputs(run, state)
     gather_all(work.input_force, system.input_end, work.input_end_force)
-    _apply_end_forces(system, state, system.input_end, work.input_end_force)
+    _apply_end_forces(run, state, system.input_end, work.input_end_force)
     if state.counters[COUNT_JOINING]:
-        apply_joining_forces(system, state, work, 1.0)
+        apply_joining_forces(run, state, 1.0)
     else:
         state.counters[COUPLED] = 1
-    expand_displacements(system, state)
+    expand_displacements(run, state)
 
 
 @compiled_part
-def _evaluate_inputs(system: System, table: LawTable, state: State, work: Work) -> None:
+def _evaluate_inputs(run: Run, state: State) -> None:
     """Write the inputs of all laws [m] and their forces on the rows [N]; a row may have several."""
+    system, table, work = run.system, run.table, run.work
     force = work.input_force
     for k in range(system.input_row.size):
         force[system.input_row[k]] = 0.0
@@ -61,8 +61,9 @@ def _evaluate_inputs(system: System, table: LawTable, state: State, work: Work) 
 
 
 @compiled_part
-def expand_displacements(system: System, state: State) -> None:
+def expand_displacements(run: Run, state: State) -> None:
     """Write the displacements of following ends and joining rows from those of the leading ends."""
+    system = run.system
     leaders, weights = system.follower_list, system.follower_weight
     _expand_followers(state.g, leaders, weights, state.g[system.follower_start[0] :])
     _sum_joining_ends(state.g, system.joining_ends, state.g[system.follower_start[-1] :])
@@ -84,8 +85,9 @@ def _sum_joining_ends(g: Floats, ends: Ints, joining: Floats) -> None:
 
 
 @compiled_part
-def _apply_end_forces(system: System, state: State, ends: Ints, force: Floats) -> None:
+def _apply_end_forces(run: Run, state: State, ends: Ints, force: Floats) -> None:
     """Add the displacements from forces on active ends, two neighbours of a block at a time."""
+    system = run.system
     columns, slot, g = state.columns, state.slot_of_end, state.g
     k, count = 0, force.size
     while k < count:
@@ -103,15 +105,16 @@ def _apply_end_forces(system: System, state: State, ends: Ints, force: Floats) -
 
 
 @compiled
-def apply_joining_forces(system: System, state: State, work: Work, constant: float) -> None:
+def apply_joining_forces(run: Run, state: State, constant: float) -> None:
     """Solve for the forces of the joining rows, and add the displacements from them.
 
     `constant` is 1 for a solution; 0 for a correction, which leaves out the forces that do not
     depend on displacements.
     """
+    system, work = run.system, run.work
     count = state.counters[COUNT_JOINING]
     if state.counters[COUPLED] != 1:
-        assemble_coupling(system, state)
+        assemble_coupling(run, state)
     force = work.joining[:count]
     for i in range(count):
         row = state.joining[i]
@@ -126,12 +129,13 @@ def apply_joining_forces(system: System, state: State, work: Work, constant: flo
     for side in range(2):
         for i in range(count):
             work.coupled_end[i] = system.row_ends[state.joining[i], side]
-        _apply_end_forces(system, state, work.coupled_end, force)
+        _apply_end_forces(run, state, work.coupled_end, force)
 
 
 @compiled
-def evaluate_deviation_forces(system: System, table: LawTable, state: State, work: Work) -> None:
+def evaluate_deviation_forces(run: Run, state: State) -> None:
     """Write the deviation force of every active end to ``work.slot_force`` [N]."""
+    system, work = run.system, run.work
     row_of_slot, slot_force, shift, input_force = (
         state.row_of_slot,
         work.slot_force,
@@ -140,7 +144,7 @@ def evaluate_deviation_forces(system: System, table: LawTable, state: State, wor
     )
     pattern_start, pattern_list, entries = system.pattern_start, system.pattern_list, state.entries
     g = state.g
-    _evaluate_inputs(system, table, state, work)
+    _evaluate_inputs(run, state)
     for block in range(system.end_start.size - 1):
         first = system.slot_start[block]
         for slot in range(first, first + state.slots[block]):
@@ -152,6 +156,7 @@ def evaluate_deviation_forces(system: System, table: LawTable, state: State, wor
 
 
 @compiled_part
-def gather_modes(system: System, state: State) -> None:
+def gather_modes(run: Run, state: State) -> None:
     """Gather the modal coordinates from the displacements."""
+    system = run.system
     gather_all(state.g, system.mode_place, state.q)

@@ -6,8 +6,6 @@ branch of every law that it was computed with, so the last solution of a converg
 every law. Modal coordinates are gathered once the set has converged.
 """
 
-from typing import NamedTuple
-
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
@@ -23,12 +21,11 @@ from turnout.kernels.lanes import (
 from turnout.kernels.vector import copy
 from turnout.law.friction import STICK, branch_violated, friction_state, trials_and_limits
 from turnout.law.kernel import any_not_finite, segment_for
-from turnout.law.table import LawTable
 from turnout.solver.columns import finish_pending, update_row
 from turnout.solver.scratch import FRICTIONS, LAWS, Work
 from turnout.solver.solution import gather_modes, solve_displacements
-from turnout.solver.state import COUNT_ITERATIONS, State, set_segment
-from turnout.solver.system import Floats, Ints, System
+from turnout.solver.state import COUNT_ITERATIONS, Run, State, set_segment
+from turnout.solver.system import Floats, Ints
 
 CONVERGED, NOT_CONVERGED, NOT_FINITE = 0, 1, 2
 
@@ -43,14 +40,6 @@ done so goes in a cycle, in which several laws undo each other.
 """
 
 
-class Tolerances(NamedTuple):
-    """Largest violation of a law: gap [m] and force [N]; and most iterations of a step."""
-
-    gap: float
-    force: float
-    iterations: int
-
-
 @compiled
 def mark_row(work: Work, count: int, row: int) -> int:
     """Add a row to the list of rows to be updated, once; its laws have changed."""
@@ -63,10 +52,9 @@ def mark_row(work: Work, count: int, row: int) -> int:
 
 
 @compiled
-def mark_law(
-    system: System, table: LawTable, state: State, work: Work, count: int, law: int
-) -> int:
+def mark_law(run: Run, state: State, count: int, law: int) -> int:
     """Mark the row of a law and the rows of slipping frictions that it limits."""
+    system, table, work = run.system, run.table, run.work
     work.changed[LAWS] = 1
     count = mark_row(work, count, table.row[law])
     for i in range(system.normal_friction_start[law], system.normal_friction_start[law + 1]):
@@ -77,23 +65,25 @@ def mark_law(
 
 
 @compiled
-def update_marked(system: System, table: LawTable, state: State, work: Work, count: int) -> None:
+def update_marked(run: Run, state: State, count: int) -> None:
     """Update every marked row to the present states of its laws."""
+    work = run.work
     for i in range(count):
         row = work.dirty_list[i]
         work.dirty[row] = 0
-        update_row(system, table, state, row, work.row, defer=True)
-    finish_pending(system, state)
+        update_row(run, state, row, defer=True)
+    finish_pending(run, state)
 
 
 @compiled_part
-def evaluate_laws(table: LawTable, state: State, work: Work, gap: float) -> bool:
+def evaluate_laws(run: Run, state: State, gap: float) -> bool:
     """Evaluate argument [m] (row displacement less input) and force [N] of every law.
 
     The force is that of the present segment, as in the solution: a contact that ends within the
     tolerance pulls slightly. Returns whether any law has left its segment by more than `gap`, or
     has no number as its argument.
     """
+    table, work = run.table, run.work
     line = (state.slope, state.constant)
     bounds = (state.lower, state.upper)
     return _evaluate_laws(
@@ -128,12 +118,13 @@ def _evaluate_laws(
 
 
 @compiled_part
-def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) -> bool:
+def evaluate_frictions(run: Run, state: State, force: float) -> bool:
     """Evaluate the trial force of every friction and its limit from the normal law [N].
 
     ``work.force`` is that of the solution. Returns whether any friction violates its branch by more
     than `force` [N], or has no number as its force.
     """
+    table, work = run.table, run.work
     of_normals = (work.force, table.friction_normal, table.friction_coefficient)
     springs = (state.anchor, table.stick_stiffness)
     return trials_and_limits(
@@ -143,21 +134,20 @@ def evaluate_frictions(table: LawTable, state: State, work: Work, force: float) 
 
 
 @compiled
-def evaluate(table: LawTable, state: State, work: Work) -> None:
+def evaluate(run: Run, state: State) -> None:
     """Evaluate all laws and frictions at the displacements last solved for."""
-    evaluate_laws(table, state, work, 0.0)
-    evaluate_frictions(table, state, work, 0.0)
+    evaluate_laws(run, state, 0.0)
+    evaluate_frictions(run, state, 0.0)
 
 
 @compiled_part
-def update_segments(
-    system: System, table: LawTable, state: State, work: Work, gap: float, one_at_a_time: bool
-) -> int:
+def update_segments(run: Run, state: State, one_at_a_time: bool) -> int:
     """Move laws whose argument has left its segment; return how many rows are marked.
 
     Their forces become those of the new segment. Returns `NO_NUMBERS` where there is no solution.
     """
-    if not evaluate_laws(table, state, work, gap):
+    table, work, gap = run.table, run.work, run.options.gap
+    if not evaluate_laws(run, state, gap):
         return 0
     if any_not_finite(state.g):
         return NO_NUMBERS
@@ -175,7 +165,7 @@ def update_segments(
                 segment = min(max(segment, present - 1), present + 1)
                 set_segment(table, state, law, segment)
                 work.force[law] = state.slope[law] * argument[law] + state.constant[law]
-                count = mark_law(system, table, state, work, count, law)
+                count = mark_law(run, state, count, law)
                 if one_at_a_time:
                     return count
     return count
@@ -190,14 +180,13 @@ def _any_outside(argument: Floats, lower: Floats, upper: Floats, gap: float, at:
 
 
 @compiled_part
-def update_branches(
-    table: LawTable, state: State, work: Work, count: int, force: float, one_at_a_time: bool
-) -> int:
+def update_branches(run: Run, state: State, count: int, one_at_a_time: bool) -> int:
     """Move frictions between stick and slip; return how many rows are marked in all.
 
     Returns `NO_NUMBERS` where there is no solution.
     """
-    if not evaluate_frictions(table, state, work, force):
+    table, work, force = run.table, run.work, run.options.force
+    if not evaluate_frictions(run, state, force):
         return count
     if count == 0 and any_not_finite(state.g):
         return NO_NUMBERS
@@ -228,51 +217,44 @@ def _any_violated(
 
 
 @compiled_part
-def update_contact_set(
-    system: System,
-    table: LawTable,
-    state: State,
-    work: Work,
-    tolerances: Tolerances,
-    one_at_a_time: bool,
-) -> int:
+def update_contact_set(run: Run, state: State, one_at_a_time: bool) -> int:
     """Move every law (or the first) that the solution violates; return how many rows are marked.
 
     Returns `NO_NUMBERS` where there is no solution.
     """
-    count = update_segments(system, table, state, work, tolerances.gap, one_at_a_time)
+    count = update_segments(run, state, one_at_a_time)
     if count < 0 or (one_at_a_time and count > 0):
         return count
-    return update_branches(table, state, work, count, tolerances.force, one_at_a_time)
+    return update_branches(run, state, count, one_at_a_time)
 
 
 @compiled
-def iterate_contact_set(
-    system: System, table: LawTable, state: State, work: Work, tolerances: Tolerances
-) -> int:
+def iterate_contact_set(run: Run, state: State) -> int:
     """Iterate the contact set of one step; return CONVERGED or what prevented it.
 
     After the first of them laws change one at a time, which breaks cycles, see `ALL_AT_ONCE`.
     """
-    for iteration in range(tolerances.iterations):
-        solve_displacements(system, table, state, work)
+    work, options = run.work, run.options
+    for iteration in range(options.iterations):
+        solve_displacements(run, state)
         state.counters[COUNT_ITERATIONS] += 1
-        one_at_a_time = ALL_AT_ONCE * iteration >= tolerances.iterations
-        count = update_contact_set(system, table, state, work, tolerances, one_at_a_time)
+        one_at_a_time = ALL_AT_ONCE * iteration >= options.iterations
+        count = update_contact_set(run, state, one_at_a_time)
         if count == 0:
-            gather_modes(system, state)
+            gather_modes(run, state)
             return CONVERGED
         if count == NO_NUMBERS:
             return NOT_FINITE
-        if iteration == tolerances.iterations - 1:
+        if iteration == options.iterations - 1:
             copy(work.dirty, work.unconverged)
-        update_marked(system, table, state, work, count)
+        update_marked(run, state, count)
     return NOT_CONVERGED
 
 
 @compiled_part
-def save_contact_set(state: State, work: Work) -> None:
+def save_contact_set(run: Run, state: State) -> None:
     """Save the displacements, and the contact set if it has changed since it was saved."""
+    work = run.work
     copy(state.g, work.g_start)
     if work.changed[LAWS]:
         copy(state.segment, work.saved_segment)
@@ -283,13 +265,14 @@ def save_contact_set(state: State, work: Work) -> None:
 
 
 @compiled
-def restore_contact_set(system: System, table: LawTable, state: State, work: Work) -> None:
+def restore_contact_set(run: Run, state: State) -> None:
     """Restore the contact set saved in `work`."""
+    table, work = run.table, run.work
     count = 0
     for law in range(table.row.size):
         if state.segment[law] != work.saved_segment[law]:
             set_segment(table, state, law, work.saved_segment[law])
-            count = mark_law(system, table, state, work, count, law)
+            count = mark_law(run, state, count, law)
     for friction in range(table.friction_row.size):
         if state.friction[friction] != work.saved_friction[friction]:
             state.friction[friction] = work.saved_friction[friction]
@@ -297,12 +280,13 @@ def restore_contact_set(system: System, table: LawTable, state: State, work: Wor
     # a friction that returned to slip after its normal law was handled still needs its row
     for friction in range(table.friction_row.size):
         count = mark_row(work, count, table.friction_row[friction])
-    update_marked(system, table, state, work, count)
+    update_marked(run, state, count)
 
 
 @compiled
-def evaluate_row_forces(system: System, table: LawTable, state: State, force: Floats) -> None:
+def evaluate_row_forces(run: Run, state: State, force: Floats) -> None:
     """Evaluate the deviation force of every row from the forces of its laws [N]."""
+    system, table = run.system, run.table
     force[:] = 0.0
     for law in range(table.row.size):
         row = table.row[law]

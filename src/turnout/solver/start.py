@@ -36,13 +36,8 @@ from turnout.solver.levels import Frame
 from turnout.solver.march import march
 from turnout.solver.obstruct import freeze
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import (
-    PreparedRun,
-    prepare,
-    present_at_start,
-    set_up_run,
-)
-from turnout.solver.state import LEVEL, set_home_segments, set_segments
+from turnout.solver.prepared_run import give_back, prepare, set_up_run
+from turnout.solver.state import LEVEL, Run, State, set_home_segments, set_segments
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -108,8 +103,8 @@ class StartPlan:
 
     Attributes
     ----------
-    laws : tuple of LawTable
-        As they are before the start, and the same for the kernels.
+    table : LawTable
+        Laws as they are before the start, by places.
     scheme : Scheme
         Numerical choices of the motion.
     positions : ndarray, shape (n_steps + 1, n_inputs)
@@ -122,7 +117,7 @@ class StartPlan:
         Whether it is repeated.
     """
 
-    laws: tuple[LawTable, LawTable]
+    table: LawTable
     scheme: Scheme
     positions: Floats
     of_laws: bytes
@@ -136,26 +131,21 @@ def plan_start(arrangement: Arrangement, scheme: Scheme, prior: PriorMotion) -> 
     times = _prior_times(scheme, prior.duration)
     positions = np.ascontiguousarray(prior.inputs(times).T)
     table = _without_timed_laws(arrangement)
-    laws = arrangement.laws._replace(**{name: getattr(table, name) for name in _FROZEN})
     # Objects that are absent move nothing: their places share the motion as they share a frame.
     courses = arrangement.mechanism.courses
     has_values = courses.friction.size or courses.has_curves
     values = [part.tobytes() for part in courses] if has_values else []
     of_laws = cast("SharedRecord", table).memory.tobytes()
     key = (id(arrangement.frame), scheme, positions.tobytes(), of_laws, *values)
-    return StartPlan((laws, table), scheme, positions, of_laws, key, prior.cyclic)
+    return StartPlan(table, scheme, positions, of_laws, key, prior.cyclic)
 
 
-def find_start(
-    run: PreparedRun,
-    arrangement: Arrangement,
-    plan: StartPlan | None,
-) -> Code:
+def find_start(run: Run, state: State, arrangement: Arrangement, plan: StartPlan | None) -> Code:
     """Put the state of a run where it starts.
 
     Parameters
     ----------
-    run : PreparedRun
+    run, state : Run, State
         From `prepare`; nothing has moved yet.
     arrangement : Arrangement
         What it was prepared from.
@@ -168,39 +158,39 @@ def find_start(
         `COMPLETE`, or why there is no start.
     """
     if plan is None:
-        code = start_at_rest(run, arrangement.mechanism)
+        code = start_at_rest(run, state, arrangement.mechanism)
     else:
-        code = _start_after(run, arrangement, plan)
+        code = _start_after(run, state, arrangement, plan)
     if run.obstructions.law.size:
-        freeze(run.table, run.state, run.obstructions)
+        freeze(run, state)
     return code
 
 
-def _start_after(run: PreparedRun, arrangement: Arrangement, plan: StartPlan) -> Code:
+def _start_after(run: Run, state: State, arrangement: Arrangement, plan: StartPlan) -> Code:
     """Start from where a prior motion leaves the rails; what is trapped or frozen comes later."""
     left = _cache.get(plan.key)
     if left is None:
         motion = _prepare_last(arrangement, plan, 1.0 if plan.cyclic else PRIOR_SHARE)
         most = MOST_CYCLES if plan.cyclic else 1
-        code, slid = _move(motion, arrangement.mechanism, most)
+        code, slid = _move(*motion, arrangement.mechanism, most)
         if not slid and not plan.cyclic:
-            motion.give_back(record=True)
+            give_back(arrangement, *motion, record=True)
             motion = _prepare_last(arrangement, plan, 1.0)
-            code, _ = _move(motion, arrangement.mechanism)
+            code, _ = _move(*motion, arrangement.mechanism)
         if code != Code.COMPLETE:
-            run.work.unconverged[:] = motion.work.unconverged
+            run.work.unconverged[:] = motion[0].work.unconverged
             return code
-        left = _cache.put(plan.key, _state_left(motion, arrangement.frame))
-        motion.give_back(record=True)  # what it left has been copied
-    return _start_from(run, left)
+        left = _cache.put(plan.key, _state_left(*motion, arrangement.frame))
+        give_back(arrangement, *motion, record=True)  # what it left has been copied
+    return _start_from(run, state, left)
 
 
-def _prepare_last(arrangement: Arrangement, plan: StartPlan, share: float) -> PreparedRun:
+def _prepare_last(arrangement: Arrangement, plan: StartPlan, share: float) -> tuple[Run, State]:
     """Prepare the last share of the motion; a part before has changed laws."""
-    memory = cast("SharedRecord", plan.laws[1]).memory
+    memory = cast("SharedRecord", plan.table).memory
     memory[:] = np.frombuffer(plan.of_laws, dtype=memory.dtype)
     part = plan.positions[int((1.0 - share) * plan.positions.shape[0]) :]
-    return prepare(set_up_run(arrangement, plan.scheme, part, 2, laws=plan.laws))
+    return prepare(set_up_run(arrangement, plan.scheme, part, 2, table=plan.table))
 
 
 def clear_starts() -> None:
@@ -227,10 +217,6 @@ def _prior_times(scheme: Scheme, duration: float) -> Floats:
     return times
 
 
-_FROZEN = ("appears", "disappears", "offset", "slope", "intercept", "potential")
-"""Fields in which laws differ that are absent at the start or appear later."""
-
-
 def _without_timed_laws(arrangement: Arrangement) -> LawTable:
     """Return laws of which those that are absent at the start never appear; they have no values."""
     table = clone_record(arrangement.table)
@@ -246,50 +232,31 @@ def _without_timed_laws(arrangement: Arrangement) -> LawTable:
     return table
 
 
-def _move(motion: PreparedRun, mechanism: Mechanism, most: int = 1) -> tuple[Code, bool]:
+def _move(run: Run, state: State, mechanism: Mechanism, most: int = 1) -> tuple[Code, bool]:
     """Move the rails as before a start, from equilibrium without friction.
 
     A motion of which there may be more than one is repeated until the forces of the inputs repeat.
     Returns also whether every foot has slid.
     """
-    if start_at_rest(motion, mechanism) != Code.COMPLETE:
+    if start_at_rest(run, state, mechanism) != Code.COMPLETE:
         return Code.NO_EQUILIBRIUM, False
-    anchors = motion.state.anchor.copy()
-    last = motion.positions.shape[0] - 1
+    anchors = state.anchor.copy()
     repeats = False
     for _ in range(most):
-        forces = motion.state.input_law_force.copy()
-        code, _ = _call_march(motion, last)
+        forces = state.input_law_force.copy()
+        # without None it would be another signature, and the loop compiled once more
+        code, _ = march(run, state, 0, run.positions.shape[0] - 1, None)
         if code != Code.COMPLETE:
             return Code.NO_LOADED_START, False
-        change = np.abs(motion.state.input_law_force - forces)
+        change = np.abs(state.input_law_force - forces)
         repeats = most == 1 or bool(np.all(change < CYCLE_FORCE))
         if repeats:
             break
-    slid = bool(np.all(motion.state.anchor != anchors))
+    slid = bool(np.all(state.anchor != anchors))
     return (Code.COMPLETE, slid) if repeats else (Code.NO_LOADED_START, False)
 
 
-def _call_march(motion: PreparedRun, last: int) -> tuple[int, int]:
-    return march(
-        motion.system,
-        motion.table,
-        motion.state,
-        motion.work,
-        motion.tolerances,
-        motion.stepping,
-        motion.positions,
-        0,
-        last,
-        motion.record,
-        motion.obstructions,
-        motion.courses,
-        None,  # left out it would be another signature, and the loop compiled once more
-    )
-
-
-def _state_left(motion: PreparedRun, frame: Frame) -> _StateLeft:
-    state = motion.state
+def _state_left(run: Run, state: State, frame: Frame) -> _StateLeft:
     return _StateLeft(
         frame,
         state.segment.copy(),
@@ -299,54 +266,61 @@ def _state_left(motion: PreparedRun, frame: Frame) -> _StateLeft:
         state.friction_beyond.copy(),
         state.q.copy(),
         state.g.copy(),
-        motion.table.friction_coefficient.copy(),
+        run.table.friction_coefficient.copy(),
     )
 
 
-def _start_from(run: PreparedRun, left: _StateLeft) -> Code:
+def _start_from(run: Run, state: State, left: _StateLeft) -> Code:
     """Bring the rails to rest with the contact set and the anchors that a motion left."""
-    system, table, state, work = run.system, run.table, run.state, run.work
-    _set_present(run)
-    set_segments(table, state, left.segment)
+    _set_present(run, state)
+    set_segments(run.table, state, left.segment)
     for name in ("friction", "anchor", "friction_force", "friction_beyond", "q", "g"):
         getattr(state, name)[:] = getattr(left, name)
-    table.friction_coefficient[:] = left.friction_coefficient
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 100))
-    if settle(system, table, state, work, patient) != Code.COMPLETE:
+    run.table.friction_coefficient[:] = left.friction_coefficient
+    if settle(_patient(run, 100), state) != Code.COMPLETE:
         return Code.NO_LOADED_START
-    start_energy_balance(system, table, state, work)
-    if not run.stepping.inertia:
-        rebuild(system, table, state, state.counters[LEVEL], work.row)
+    start_energy_balance(run, state)
+    if not run.options.inertia:
+        rebuild(run, state, state.counters[LEVEL])
     return Code.COMPLETE
 
 
-def start_at_rest(run: PreparedRun, mechanism: Mechanism) -> Code:
+def start_at_rest(run: Run, state: State, mechanism: Mechanism) -> Code:
     """Find the static equilibrium without friction, then anchor the feet at their places."""
-    system, laws, table, state, work = run.system, run.laws, run.table, run.state, run.work
-    _set_present(run)
+    table, patient = run.table, _patient(run, 400)
+    _set_present(run, state)
     set_home_segments(table, state)
     state.friction[:] = SLIP_FORWARD
+    coefficients = table.friction_coefficient.copy()
     table.friction_coefficient[:] = 0.0
     try:
-        if not _find_equilibrium(run):
+        if equilibrium(patient, state) != Code.COMPLETE:
             segments = equilibrium_segments(mechanism, inputs=state.inputs, present=state.present)
             set_segments(table, state, segments)
-            if not _find_equilibrium(run):
+            if equilibrium(patient, state) != Code.COMPLETE:
                 return Code.NO_EQUILIBRIUM
     finally:
-        table.friction_coefficient[:] = laws.friction_coefficient
-    anchor_at_rest(system, table, state, work)
-    if not run.stepping.inertia:
-        rebuild(system, table, state, state.counters[LEVEL], work.row)
+        table.friction_coefficient[:] = coefficients
+    anchor_at_rest(run, state)
+    if not run.options.inertia:
+        rebuild(run, state, state.counters[LEVEL])
     return Code.COMPLETE
 
 
-def _set_present(run: PreparedRun) -> None:
-    run.state.present[:] = run.present
-    run.state.law_placed[run.present] = 0.0
+def _set_present(run: Run, state: State) -> None:
+    """Let the laws act that do so at the start."""
+    present = present_at_start(run.table)
+    state.present[:] = present
+    state.law_placed[present] = 0.0
 
 
-def _find_equilibrium(run: PreparedRun) -> bool:
-    """Iterate the contact set to static equilibrium from the present one; False if it fails."""
-    patient = run.tolerances._replace(iterations=max(run.tolerances.iterations, 400))
-    return bool(equilibrium(run.system, run.table, run.state, run.work, patient) == Code.COMPLETE)
+def present_at_start(laws: LawTable) -> NDArray[np.bool_]:
+    """Return whether each law acts at the start, shape (n_laws,)."""
+    present: NDArray[np.bool_] = (laws.appears <= 1e-9) & (laws.disappears >= -1e-9)
+    return np.asarray(present & (laws.waits == 0))
+
+
+def _patient(run: Run, iterations: int) -> Run:
+    """Return a run with at least so many iterations of a step."""
+    most = max(run.options.iterations, iterations)
+    return run._replace(options=run.options._replace(iterations=most))

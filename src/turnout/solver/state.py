@@ -1,16 +1,95 @@
-"""The state of a run, as arrays that kernels change in place."""
+"""A run as the kernels take it: what is constant in it, and the state that they change in place."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from turnout.core.scheme import AlphaCoefficients, Scheme
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import zeros_in_lines
 from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
+from turnout.law.friction import FrictionCourses
 from turnout.law.kernel import segment_for
+from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
-from turnout.solver.scratch import lines_from_buffer
+from turnout.solver.scratch import Work, lines_from_buffer
+from turnout.solver.seen import StepRecord
 from turnout.solver.system import Floats, Ints, System
+
+
+class Options(NamedTuple):
+    """Numerical choices of a run.
+
+    `gap` [m] and `force` [N] are the largest violations of a law that are overlooked; a step takes
+    at most so many `iterations`. `step` is the nominal one [s]; the next four are coefficients of
+    `turnout.solver.step` [-]. A step may be halved `halvings` times, and at last `follow_path`;
+    every `stride`-th instant is stored. Without `inertia` a run is a sequence of equilibria.
+    """
+
+    gap: float
+    force: float
+    iterations: int
+    step: float
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    halvings: int
+    follow_path: bool
+    stride: int
+    inertia: bool
+
+    @classmethod
+    def of(cls, scheme: Scheme) -> "Options":
+        """Return the options of a scheme."""
+        alpha = AlphaCoefficients.from_spectral_radius(scheme.spectral_radius)
+        return cls(
+            gap=float(scheme.gap_tolerance),
+            force=float(scheme.force_tolerance),
+            iterations=scheme.iterations,
+            step=float(scheme.step),
+            alpha_m=alpha.alpha_m,
+            alpha_f=alpha.alpha_f,
+            beta=alpha.beta,
+            gamma=alpha.gamma,
+            halvings=scheme.halvings,
+            follow_path=scheme.follow_path,
+            stride=max(scheme.stride, 1),
+            inertia=scheme.inertia,
+        )
+
+
+class Run(NamedTuple):
+    """All of a run but its `State`, by reference.
+
+    Attributes
+    ----------
+    system : System
+        The condensed linear system.
+    table : LawTable
+        Laws by places; what they remember changes.
+    work : Work
+        Scratch arrays.
+    options : Options
+        Numerical choices.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m]; machines write those of their rods.
+    record : StepRecord
+        Memory of what is saved.
+    obstructions : Obstructions
+        Laws with memory.
+    courses : FrictionCourses
+        Friction along the stroke.
+    """
+
+    system: System
+    table: LawTable
+    work: Work
+    options: Options
+    positions: Floats
+    record: StepRecord
+    obstructions: Obstructions
+    courses: FrictionCourses
 
 
 class State(NamedTuple):

@@ -33,9 +33,8 @@ from turnout.kernels.lanes import (
 )
 from turnout.solver.coupling import blocks_of
 from turnout.solver.energy import ALGORITHMIC, DAMPING
-from turnout.solver.scratch import Work
-from turnout.solver.state import COUNT_JOINING, UNSOLVED, State
-from turnout.solver.system import Floats, System
+from turnout.solver.state import COUNT_JOINING, UNSOLVED, Options, Run, State
+from turnout.solver.system import Floats
 
 REST_TIME = 0.01
 """Time, or a step where that is longer, within which a rail at rest moves by no more than a
@@ -45,61 +44,37 @@ STILL = 1e-12
 """Largest motion within this time that is taken for none, of modes of unit mass [kg^0.5 m]."""
 
 
-class Stepping(NamedTuple):
-    """Stepping of a run: nominal step [s], generalised-alpha coefficients [-], and choices.
-
-    A step may be halved `halvings` times; every `stride`-th instant is stored; without `inertia`
-    the integrator is that of `turnout.solver.quasistatic`.
-    """
-
-    step: float
-    alpha_m: float
-    alpha_f: float
-    beta: float
-    gamma: float
-    halvings: int
-    follow_path: bool
-    stride: int
-    inertia: bool
-
-
 class Factors(NamedTuple):
-    """Factors of a step of one length, whose matrix is ``inertia I + viscosity C + K``.
+    """Factors of a step of length ``h`` [s], whose matrix is ``inertia I + viscosity C + K``.
 
     ``inertia`` [1/s2] and ``viscosity`` [1/s] are iota and nu of the module's formulas;
     ``inverse_alpha_m`` is 1 / (1 - alpha_m) [-].
     """
 
+    h: float
     inertia: float
     viscosity: float
     inverse_alpha_m: float
 
 
 @compiled
-def step_factors(stepping: Stepping, h: float) -> Factors:
+def step_factors(options: Options, h: float) -> Factors:
     """Return the factors of a step of length `h` [s]."""
-    kappa = (1.0 - stepping.alpha_f) / (1.0 - stepping.alpha_m)
-    inertia, viscosity = 1.0 / (h * h * stepping.beta * kappa), stepping.gamma / (h * stepping.beta)
-    return Factors(inertia, viscosity, 1.0 / (1.0 - stepping.alpha_m))
+    kappa = (1.0 - options.alpha_f) / (1.0 - options.alpha_m)
+    inertia, viscosity = 1.0 / (h * h * options.beta * kappa), options.gamma / (h * options.beta)
+    return Factors(h, inertia, viscosity, 1.0 / (1.0 - options.alpha_m))
 
 
 @compiled_part
-def predict(
-    system: System,
-    state: State,
-    work: Work,
-    stepping: Stepping,
-    h: float,
-    factors: Factors,
-) -> None:
+def predict(run: Run, state: State, factors: Factors) -> None:
     """Save the coordinates; predict the step without new acceleration, and write its right side.
 
     Blocks that hardly move are stopped, and their displacements stay those of the last solution.
     """
-    state.counters[UNSOLVED] |= _stop_blocks(system, state, h)
+    system, work, options = run.system, run.work, run.options
+    state.counters[UNSOLVED] |= _stop_blocks(run, state, factors.h)
     _predict_modes(
-        stepping,
-        h,
+        options,
         factors,
         (state.q, state.v, state.a, state.acceleration),
         system.damping,
@@ -113,8 +88,7 @@ def predict(
 
 @compiled_loop
 def _predict_modes(
-    stepping: Stepping,
-    h: float,
+    options: Options,
     factors: Factors,
     motion: tuple[Floats, Floats, Floats, Floats],
     damping: Floats,
@@ -126,11 +100,11 @@ def _predict_modes(
 ) -> None:
     inertia, viscosity = broadcast(factors.inertia), broadcast(factors.viscosity)
     inverse = factors.inverse_alpha_m
-    alpha_f = broadcast(inverse * stepping.alpha_f)
-    minus_alpha_m = broadcast(-inverse * stepping.alpha_m)
-    half_minus_beta, beta = broadcast(0.5 - stepping.beta), broadcast(stepping.beta)
-    one_minus_gamma, gamma = broadcast(1.0 - stepping.gamma), broadcast(stepping.gamma)
-    h_1, h_2 = broadcast(h), broadcast(h * h)
+    alpha_f = broadcast(inverse * options.alpha_f)
+    minus_alpha_m = broadcast(-inverse * options.alpha_m)
+    half_minus_beta, beta = broadcast(0.5 - options.beta), broadcast(options.beta)
+    one_minus_gamma, gamma = broadcast(1.0 - options.gamma), broadcast(options.gamma)
+    h_1, h_2 = broadcast(factors.h), broadcast(factors.h * factors.h)
     q, v, a, acceleration = motion
     for i in range(0, right_side.size, LANES):
         q_n, v_n, a_n = load(q, i), load(v, i), load(a, i)
@@ -145,15 +119,16 @@ def _predict_modes(
 
 
 @compiled_part
-def correct(system: System, state: State, work: Work, stepping: Stepping, factors: Factors) -> None:
+def correct(run: Run, state: State, factors: Factors) -> None:
     """Correct velocities and accelerations by the solved coordinates.
 
     The work of damping and the numerical dissipation of the scheme are added to the ledger,
     `turnout.solver.energy`.
     """
+    system, work, options = run.system, run.work, run.options
     start = (work.q_start, work.q_pred, work.v_pred)
     of_damping, of_scheme = _correct_modes(
-        stepping, factors, start, system.damping, state.q, state.v, state.a, state.acceleration
+        options, factors, start, system.damping, state.q, state.v, state.a, state.acceleration
     )
     state.ledger[DAMPING] += of_damping
     state.ledger[ALGORITHMIC] += of_scheme
@@ -161,7 +136,7 @@ def correct(system: System, state: State, work: Work, stepping: Stepping, factor
 
 @compiled_loop
 def _correct_modes(
-    stepping: Stepping,
+    options: Options,
     factors: Factors,
     start: tuple[Floats, Floats, Floats],
     damping: Floats,
@@ -177,9 +152,9 @@ def _correct_modes(
     )
     inverse, one_minus_alpha_f = (
         broadcast(factors.inverse_alpha_m),
-        broadcast(1.0 - stepping.alpha_f),
+        broadcast(1.0 - options.alpha_f),
     )
-    alpha_f, alpha_m = broadcast(stepping.alpha_f), broadcast(stepping.alpha_m)
+    alpha_f, alpha_m = broadcast(options.alpha_f), broadcast(options.alpha_m)
     q_start, q_pred, v_pred = start
     damped, dissipated = broadcast(0.0), broadcast(0.0)
     for i in range(0, q.size, LANES):
@@ -209,16 +184,16 @@ def is_at_rest(state: State, h: float, gap: float) -> bool:
 
 
 @compiled_part
-def _stop_blocks(system: System, state: State, h: float) -> int:
+def _stop_blocks(run: Run, state: State, h: float) -> int:
     """Stop blocks that move by less than `STILL`; return a bit for each of the others.
 
     Blocks on which inputs or joining rows act go on, as these forces may change.
     """
-    moving = 0
+    system, moving = run.system, 0
     motion = (state.v, state.a, state.acceleration)
     for block in range(system.mode_start.size - 1):
         first, last = system.mode_start[block], system.mode_start[block + 1]
-        if _moves(motion, first, last, h, STILL) or _is_acted_on(system, state, block):
+        if _moves(motion, first, last, h, STILL) or _is_acted_on(run, state, block):
             moving |= 1 << block
         else:
             _stop(motion, first, last)
@@ -226,12 +201,12 @@ def _stop_blocks(system: System, state: State, h: float) -> int:
 
 
 @compiled
-def _is_acted_on(system: System, state: State, block: int) -> bool:
-    for end in system.input_end:
-        if system.block_of_end[end] == block:
+def _is_acted_on(run: Run, state: State, block: int) -> bool:
+    for end in run.system.input_end:
+        if run.system.block_of_end[end] == block:
             return True
     for row in state.joining[: state.counters[COUNT_JOINING]]:
-        if blocks_of(system, row) & (1 << block):
+        if blocks_of(run.system, row) & (1 << block):
             return True
     return False
 
