@@ -12,7 +12,7 @@ from scipy.sparse import csc_array
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.file_format import FORMATS, read_recording, write_recording
-from turnout.measurement.formats.mat_check import check_mat5
+from turnout.measurement.formats.mat import check_mat5
 from turnout.measurement.recording import RecordedChannel, Recording
 
 TIME = np.arange(500) / 1000

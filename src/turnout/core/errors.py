@@ -1,5 +1,8 @@
 """One error class a stage, so that a caller can distinguish bad input from a failed solution."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class TurnoutError(Exception):
     """Base of everything that turnout raises on purpose; its text is fit for the screen."""
@@ -11,6 +14,24 @@ class TurnoutError(Exception):
 
 class FileError(TurnoutError):
     """A file cannot be read or written; the text names the path and the remedy."""
+
+
+@contextmanager
+def refused_of(source: object) -> Iterator[None]:
+    """Turn a fault (ValueError) in the content of a file into a FileError that names the file.
+
+    Examples
+    --------
+    >>> with refused_of("throw.csv"):
+    ...     float("x")
+    Traceback (most recent call last):
+    turnout.core.errors.FileError: throw.csv: could not convert string to float: 'x'
+    """
+    try:
+        yield
+    except ValueError as error:
+        message = f"{source}: {error}"
+        raise FileError(message) from None
 
 
 MOST_LISTED, LONGEST_MESSAGE = 200, 2000

@@ -8,11 +8,12 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import FileError
+from turnout.core.errors import FileError, refused_of
 from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.clock import (
@@ -29,6 +30,7 @@ from turnout.measurement.formats.file_table import (
     Table,
     count_filled,
     counts_throws,
+    is_constant,
     label_of,
     restarts,
     sort_columns,
@@ -85,9 +87,9 @@ def recordings_of(
         return [held]
     if isinstance(held, Table):
         return _of_throws(held, throws) if throws else [table_recording(held)]
-    tables = [item for item in held if isinstance(item, Table)]
     if throws:
-        with_throws = [table for table in tables if len(_sorted_throws(table)[0]) > 1]
+        tables = [sort_columns(item) for item in held if isinstance(item, Table)]
+        with_throws = [table for table in tables if len(_throws(table)[0]) > 1]
         if len(with_throws) == 1:
             return _of_throws(with_throws[0], throws)
     return [_of_sheets(held)]
@@ -101,45 +103,48 @@ def table_recording(table: Table) -> Recording:
     FileError
         When it holds several throws, or no channel; naming what is wrong.
     """
-    return _assembled(table, table_columns(table))
+    (found,) = _of_throws(table, [None])
+    if isinstance(found, FileError):
+        raise found
+    return found
 
 
-def _assembled(table: Table, columns: list[FileColumn], throw: str = "") -> Recording:
-    recording = assemble_recording(
-        columns,
-        source=table.source,
-        start_time=table.stated.start_time,
-        problems=table.problems,
-        remedy=table.remedy,
-    )
-    labels = {THROW: throw} if throw else {}
-    for place, cells in table.texts.items():
-        if len(set(cells)) == 1:
-            labels.setdefault(label_of(table, place), cells[0].strip())
-    for place, values in table.values.items():
-        if values.size and np.all(values == values[0]):
-            labels.setdefault(label_of(table, place), f"{values[0]:.9g}")
-    return replace(recording, labels=labels)
-
-
-def _of_throws(table: Table, throws: Sequence[str]) -> list[Recording | FileError]:
+def _of_throws(table: Table, throws: Sequence[str | None]) -> list[Recording | FileError]:
     """Return several throws of a table, or the error of each that cannot be read."""
     found: list[Recording | FileError] = []
     try:
-        parts, by = _sorted_throws(table)
+        table = sort_columns(table)
+        parts, by = _throws(table)
     except FileError as error:
         return [error] * len(throws)
     if tuple(throws) == ALL:
-        throws = list(parts) if len(parts) > 1 else [""]
+        throws = list(parts) if len(parts) > 1 else [None]
     for throw in throws:
         try:
-            cut = _cut(table, parts, by, throw or None)
-            found.append(_assembled(cut, _channel_columns(cut), throw))
+            with refused_of(table.source):
+                cut = _cut(table, parts, by, throw)
+                columns = _channel_columns(cut)
+            recording = assemble_recording(
+                columns,
+                source=table.source,
+                start_time=table.stated.start_time,
+                problems=cut.problems,
+                remedy=table.remedy,
+            )
+            found.append(replace(recording, labels=_labels(cut, throw)))
         except FileError as error:
             found.append(error)
-        except ValueError as error:
-            found.append(FileError(f"{table.source}: {error}"))
     return found
+
+
+def _labels(table: Table, throw: str | None) -> dict[str, str]:
+    """Return the cells that are the same in all rows, by column."""
+    labels = {THROW: throw} if throw else {}
+    texts = {place: cells[0].strip() for place, cells in table.texts.items() if len({*cells}) == 1}
+    numbers = {p: f"{v[0]:.9g}" for p, v in table.values.items() if is_constant(v)}
+    for place, text in [*texts.items(), *numbers.items()]:
+        labels.setdefault(label_of(table, place), text)
+    return labels
 
 
 def _of_sheets(tables: Sequence[Table | FileError]) -> Recording:
@@ -156,43 +161,32 @@ def _of_sheets(tables: Sequence[Table | FileError]) -> Recording:
     throws = [reason for reason in reasons if "throws in one table" in reason]
     if not found or throws:
         raise FileError(throws[0] if throws else "; ".join(reasons))
-    if len(found) == 1:
-        return next(iter(found.values()))
+    first, *others = found.values()
+    if not others:
+        return first
     channels = {
         f"{name}/{item.name}": replace(item, name=f"{name}/{item.name}")
         for name, recording in found.items()
         for item in recording.channels.values()
     }
-    starts = {recording.start_time for recording in found.values()}
     problems = [text for recording in found.values() for text in recording.problems]
-    if len(starts) > 1:
+    if any(recording.start_time != first.start_time for recording in others):
         problems.append(f"check the time: the sheets {choices(found)} start at different times")
-    first = next(iter(found.values()))
     return Recording(channels, first.source, first.start_time, tuple(problems))
 
 
-def table_columns(table: Table) -> list[FileColumn]:
-    """Return the channels of a table with their times; remarks are added to its problems.
+def table_columns(table: Table) -> tuple[list[FileColumn], list[str]]:
+    """Return the channels of a table with their times, and remarks.
 
     Raises
     ------
     FileError
         When it holds several throws, or a time is none.
     """
-    try:
-        cut = _cut(table, *_sorted_throws(table), None)
-        columns = _channel_columns(cut)
-    except ValueError as error:
-        message = f"{table.source}: {error}"
-        raise FileError(message) from None
-    table.problems[:] = cut.problems
-    return columns
-
-
-def _sorted_throws(table: Table) -> tuple[dict[str, Rows], str]:
-    """Sort the columns and find the times among them; return `_throws` of the table."""
-    sort_columns(table)
-    return _throws(table)
+    with refused_of(table.source):
+        table = sort_columns(table)
+        cut = _cut(table, *_throws(table), None)
+        return _channel_columns(cut), cut.problems
 
 
 def _cut(table: Table, parts: Mapping[str, Rows], by: str, throw: str | None) -> Table:
@@ -234,33 +228,28 @@ def _axis_part(axis: TimeAxis, rows: NDArray[np.intp]) -> TimeAxis:
 
 def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Return the rows of each throw by its label, and the column that tells them apart."""
-    size = max((len(column.cells) for column in table.columns), default=0)
-    labels: dict[int, list[str]] = {
-        place: [f"{value:g}" for value in values]
-        for place, values in table.values.items()
-        if is_throw_name(table.columns[place].name)
+    numbers = {p: [f"{value:g}" for value in values] for p, values in table.values.items()}
+    cells_of = {**numbers, **table.texts}
+    starts_of = {
+        place: [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
+        for place, cells in cells_of.items()
+        if is_throw_name(name := table.columns[place].name) or is_direction_name(name)
     }
-    labels |= {p: t for p, t in table.texts.items() if is_throw_name(table.columns[p].name)}
-    curves = bool(table.curves) and size > 1
-    held = {**table.texts, **{place: values.tolist() for place, values in table.values.items()}}
-    turns = {p: cells for p, cells in held.items() if is_direction_name(table.columns[p].name)}
-    for place, cells in labels.items():
-        starts = [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
-        names = [cells[i] for i in starts]
-        if len(set(names)) == len(names) > 1 and (curves or len(names) <= len(cells) / 2):
-            edges = [*starts, len(cells)]
-            rows = {n: np.arange(a, b) for n, a, b in zip(names, edges, edges[1:], strict=False)}
-            return rows, f"column '{label_of(table, place)}'"
+    rows = max((len(column.cells) for column in table.columns), default=0)
+    curves = bool(table.curves) and rows > 1
+    for place, starts in starts_of.items():
+        cells, names = cells_of[place], [cells_of[place][i] for i in starts]
+        several = len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(cells))
+        if several and is_throw_name(table.columns[place].name):
+            return _rows(starts, len(cells), names), f"column '{label_of(table, place)}'"
     if curves:
-        place = next(iter(table.curves))
-        rows = {f"{row + 1}": np.array([row]) for row in range(size)}
-        return rows, f"a curve in each cell of column '{label_of(table, place)}'"
-    for place, cells in turns.items():
-        starts = [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
-        if 1 < len(starts) <= len(cells) / LEAST_CURVE and not table.axes:
-            parts = zip(starts, [*starts[1:], len(cells)], strict=True)
-            rows = {f"{n}": np.arange(a, b) for n, (a, b) in enumerate(parts, start=1)}
-            return rows, f"column '{label_of(table, place)}' changes"
+        shown = label_of(table, next(iter(table.curves)))
+        return _rows(range(rows), rows), f"a curve in each cell of column '{shown}'"
+    for place, starts in starts_of.items():
+        few = 1 < len(starts) <= len(cells_of[place]) / LEAST_CURVE and not table.axes
+        if few and is_direction_name(table.columns[place].name):
+            size = len(cells_of[place])
+            return _rows(starts, size), f"column '{label_of(table, place)}' changes"
     indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
     times = {place: axis.seconds for place, axis in table.axes.items()}
     for place, values in [*times.items(), *indices.items()]:
@@ -268,12 +257,16 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
         if not again.size or (place in indices and not counts_throws(values)):
             continue
         if _signal_column(table) is not None:
-            return {}, ""
-        edges = [0, *again.tolist(), values.size]
-        parts = zip(edges, edges[1:], strict=False)
-        rows = {f"{n}": np.arange(a, b) for n, (a, b) in enumerate(parts, start=1)}
-        return rows, f"'{label_of(table, place)}' starts again"
+            break
+        return _rows([0, *again], values.size), f"'{label_of(table, place)}' starts again"
     return {}, ""
+
+
+def _rows(starts: Sequence[int], size: int, names: Sequence[str] = ()) -> dict[str, Rows]:
+    """Return the rows of each throw by its name, or by its number if there are no names."""
+    edges = zip(starts, [*starts[1:], size], strict=True)
+    names = names or [f"{number}" for number in range(1, len(starts) + 1)]
+    return {name: np.arange(a, b) for name, (a, b) in zip(names, edges, strict=True)}
 
 
 def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
@@ -345,36 +338,32 @@ def _curve_columns(table: Table) -> list[FileColumn]:
     """Return the curves in cells; a cell beside them may state their rate, interval or start."""
     stated = replace(table.stated, rates=[*table.stated.rates], weak=[*table.stated.weak])
     for place, values in table.values.items():
-        if values.size and np.all(values == values[0]):
+        if is_constant(values):
             column = table.columns[place]
             stated.read(column.name, [float(values[0])], unit=column.unit)
-    rate = stated.rate()
-    begin = next((axis.begin for axis in table.axes.values()), None)
     times = [p for p in table.curves if is_time_name(table.columns[p].name)]
-    axis = None
-    for place in times[:1]:
-        column, cells = table.columns[place], np.concatenate(table.curves[place])
-        axis = numeric_axis(cells, name=column.name, unit=column.unit)
-    time = None if axis is None else axis.seconds
-    begin = begin if axis is None or axis.begin is None else axis.begin
-    found = []
-    for place, curves in table.curves.items():
-        if place in times:
-            continue
-        column = table.columns[place]
-        found.append(
-            FileColumn(
-                label_of(table, place),
-                np.concatenate(curves),
-                column.unit,
-                column.description,
-                time=time,
-                rate=rate[0] if rate and time is None else None,
-                start=stated.start,
-                begin=begin,
-            )
+    axes = list(table.axes.values())
+    if times:
+        column, cells = table.columns[times[0]], np.concatenate(table.curves[times[0]])
+        axes = [numeric_axis(cells, name=column.name, unit=column.unit), *axes]
+    rate = stated.rate() if not times else None
+    clock: dict[str, Any] = {
+        "time": axes[0].seconds if times else None,
+        "rate": rate[0] if rate else None,
+        "start": stated.start,
+        "begin": next((axis.begin for axis in axes if axis.begin is not None), None),
+    }
+    return [
+        FileColumn(
+            label_of(table, place),
+            np.concatenate(curves),
+            table.columns[place].unit,
+            table.columns[place].description,
+            **clock,
         )
-    return found
+        for place, curves in table.curves.items()
+        if place not in times
+    ]
 
 
 def _long_columns(table: Table) -> list[FileColumn]:
@@ -468,7 +457,7 @@ def _channels(table: Table) -> list[int]:
         if headless or index:
             shown = f"column '{label_of(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time")
-        elif is_throw_name(name) and values.size and np.all(values == values[0]):
+        elif is_throw_name(name) and is_constant(values):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
         else:
             found.append(place)

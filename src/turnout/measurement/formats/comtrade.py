@@ -29,7 +29,7 @@ class _Configuration:
     factor: float
 
 
-def is_comtrade(path: Path, head: bytes) -> bool:
+def is_comtrade(head: bytes, path: Path) -> bool:
     """Return True for a configuration, or data with a configuration beside them."""
     if path.suffix.lower() == ".dat":
         beside = _beside(path, ".cfg")

@@ -3,10 +3,8 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.core.files import read_fault, require_regular_file, write_atomic
@@ -26,7 +24,7 @@ _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _ARCHIVE, _OLD_OFFICE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 ARCHIVED_NAME = 30
 """Place of the name of the first file of an archive [byte]."""
-WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods")
+WORKBOOKS = ".xlsx .xlsm .xls .ods"
 # Formats that are not read, by their first bytes, and the way out.
 FOREIGN = (
     (b"|CF,", "an imc FAMOS file; export it as ASCII or MDF"),
@@ -45,28 +43,27 @@ FOREIGN = (
     (b"\x93NUMPY", "a NumPy array; save it as CSV or HDF5 with its sample rate"),
     (b"SQLite format 3", "a database; export its table as CSV"),
     (b"{\\rtf", "a formatted text (RTF); save it as plain text"),
+    (_ARCHIVE, "an archive; unpack it"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class FileFormat:
-    """One kind of file: functions that recognise it and read it.
+    """One kind of file: how it is recognised, and the function that reads it.
 
     Attributes
     ----------
     name : str
         What it is called.
-    suffixes : tuple of str
-        What its files end in; used only where the content is ambiguous.
-    recognise : callable
-        Whether a file, given its first bytes, is of this format.
+    endings : str
+        What its files end in, with blanks between; used only where the content is ambiguous.
+    mark : bytes or callable
+        Pattern of its first bytes; or whether a file, given these and its path, is of this format.
     reader : str
         Module of `turnout.measurement.formats` and function that read it in a process of its own;
         empty for text, whose memory grows with the file only.
-    packages : tuple of str
+    package : str
         What the reader loads.
-    extra : str
-        Extra of turnout that brings these packages.
     refers : bool
         Whether such a file can take samples from others.
     tables : bool
@@ -74,116 +71,71 @@ class FileFormat:
     """
 
     name: str
-    suffixes: tuple[str, ...]
-    recognise: Callable[[bytes, Path], bool]
+    endings: str
+    mark: bytes | Callable[[bytes, Path], bool]
     reader: str = ""
-    packages: tuple[str, ...] = ()
-    extra: str = ""
+    package: str = ""
     refers: bool = False
     tables: bool = False
 
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """What its files end in."""
+        return tuple(self.endings.split())
 
-def _begins(*marks: bytes) -> Callable[[bytes, Path], bool]:
-    return lambda head, path: head.startswith(marks)
-
-
-def _matches(pattern: bytes) -> Callable[[bytes, Path], bool]:
-    compiled = re.compile(pattern, re.IGNORECASE)
-    return lambda head, path: compiled.match(head) is not None
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """Return True if a file, given its first bytes, is of this format."""
+        if isinstance(self.mark, bytes):
+            return re.match(self.mark, head) is not None
+        return self.mark(head, path)
 
 
 def _is_workbook(head: bytes, path: Path) -> bool:
     """Return True for a workbook of Excel before 2007, or an archive that begins as one."""
-    if head.startswith(_OLD_OFFICE):
-        return True
     first = head[ARCHIVED_NAME:]
     is_sheet = first.startswith((b"[Content_Types].xml", b"_rels/", b"xl/", b"docProps/"))
     is_sheet |= first.startswith(b"mimetype") and b"opendocument.spreadsheet" in head
-    return head.startswith(_ARCHIVE) and (is_sheet or path.suffix.lower() in WORKBOOKS)
+    is_sheet |= path.suffix.lower() in WORKBOOKS.split()
+    return head.startswith(_OLD_OFFICE) or (head.startswith(_ARCHIVE) and is_sheet)
 
 
+def _is_mat5(head: bytes, path: Path) -> bool:
+    return head.startswith(b"MATLAB 5.0 MAT-file") and _HDF5_MARK not in head
+
+
+def _is_hdf5(head: bytes, path: Path) -> bool:
+    return _HDF5_MARK in head
+
+
+_HTML = rb"(?i)\s*(\xef\xbb\xbf)?\s*<(!doctype html|html|table|meta|head|body)\b"
+_JSON = rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*([\[{]|-?\d[\d.eE+-]*\s*,))'
+_OTHER = "optional_formats:read_"
+EXTRAS = {
+    **dict.fromkeys(("dwdatareader", "asammdf", "nptdms", "pyuff"), "daq"),
+    "pyarrow": "parquet",
+    "python_calamine": "sheets",
+}
+"""Extra of turnout that brings a package."""
 FORMATS = (
     FileFormat(
-        "Dewesoft",
-        (".d7d", ".dxd", ".d7z"),
-        _begins(b"MULTI_STREAM_FILE"),
-        "optional_formats:read_dewesoft",
-        ("dwdatareader",),
-        "daq",
+        "Dewesoft", ".d7d .dxd .d7z", b"MULTI_STREAM_FILE", f"{_OTHER}dewesoft", "dwdatareader"
     ),
+    FileFormat("MDF", ".mf4 .mdf", b"MDF     |UnFinMF ", f"{_OTHER}mdf", "asammdf"),
+    FileFormat("TDMS", ".tdms", b"TDSm", f"{_OTHER}tdms", "nptdms"),
+    FileFormat("Parquet", ".parquet .pq", b"PAR1", f"{_OTHER}parquet", "pyarrow", tables=True),
+    FileFormat("MATLAB 7.3", "", b"MATLAB 7.3 MAT-file", "mat:read_mat73", refers=True),
+    FileFormat("MATLAB", ".mat", _is_mat5, "mat:read_mat"),
+    FileFormat("HDF5", ".h5 .hdf5 .hdf .nc", _is_hdf5, "mat:read_hdf5_or_mat73", refers=True),
+    FileFormat("netCDF", "", b"CDF[\x01\x02]", "hdf5:read_netcdf3"),
     FileFormat(
-        "MDF",
-        (".mf4", ".mdf"),
-        _begins(b"MDF     ", b"UnFinMF "),
-        "optional_formats:read_mdf",
-        ("asammdf",),
-        "daq",
+        "workbook", WORKBOOKS, _is_workbook, "sheets:read_workbook", "python_calamine", tables=True
     ),
-    FileFormat(
-        "TDMS", (".tdms",), _begins(b"TDSm"), "optional_formats:read_tdms", ("nptdms",), "daq"
-    ),
-    FileFormat(
-        "Parquet",
-        (".parquet", ".pq"),
-        _begins(b"PAR1"),
-        "optional_formats:read_parquet",
-        ("pyarrow", "pyarrow.parquet"),
-        "parquet",
-        tables=True,
-    ),
-    FileFormat("MATLAB 7.3", (), _begins(b"MATLAB 7.3 MAT-file"), "mat:read_mat73", refers=True),
-    FileFormat(
-        "MATLAB",
-        (".mat",),
-        lambda head, path: head.startswith(b"MATLAB 5.0 MAT-file") and _HDF5_MARK not in head,
-        "mat:read_mat",
-    ),
-    FileFormat(
-        "HDF5",
-        (".h5", ".hdf5", ".hdf", ".nc"),
-        lambda head, path: _HDF5_MARK in head,
-        "mat:read_hdf5_or_mat73",
-        refers=True,
-    ),
-    FileFormat("netCDF", (), _begins(b"CDF\x01", b"CDF\x02"), "hdf5:read_netcdf3"),
-    FileFormat(
-        "workbook",
-        WORKBOOKS,
-        _is_workbook,
-        "sheets:read_workbook",
-        ("python_calamine",),
-        "sheets",
-        tables=True,
-    ),
-    FileFormat(
-        "HTML",
-        (".html", ".htm"),
-        _matches(rb"\s*(\xef\xbb\xbf)?\s*<(!doctype html|html|table|meta|head|body)\b"),
-        "sheets:read_html",
-        tables=True,
-    ),
-    FileFormat(
-        "JSON",
-        (".json", ".jsonl", ".ndjson"),
-        _matches(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*([\[{]|-?\d[\d.eE+-]*\s*,))'),
-        "json_table:read_json",
-        tables=True,
-    ),
-    FileFormat(
-        "UFF",
-        (".uff", ".unv"),
-        _matches(rb" *-1 *\r?\n *\d+"),
-        "optional_formats:read_uff",
-        ("pyuff",),
-        "daq",
-    ),
-    FileFormat(
-        "COMTRADE", (), lambda head, path: is_comtrade(path, head), "comtrade:read_comtrade"
-    ),
-    FileFormat("LabVIEW", (".lvm",), _begins(b"LabVIEW Measurement"), "lvm:read_lvm"),
-    FileFormat(
-        "text", (".csv", ".txt", ".tsv", ".asc", ".dat"), lambda head, path: False, tables=True
-    ),
+    FileFormat("HTML", ".html .htm", _HTML, "sheets:read_html", tables=True),
+    FileFormat("JSON", ".json .jsonl .ndjson", _JSON, "json_table:read_json", tables=True),
+    FileFormat("UFF", ".uff .unv", rb" *-1 *\r?\n *\d+", f"{_OTHER}uff", "pyuff"),
+    FileFormat("COMTRADE", "", is_comtrade, "comtrade:read_comtrade"),
+    FileFormat("LabVIEW", ".lvm", b"LabVIEW Measurement", "lvm:read_lvm"),
+    FileFormat("text", ".csv .txt .tsv .asc .dat", lambda head, path: False, tables=True),
 )
 
 
@@ -266,13 +218,14 @@ def _read(
         raise FileError(message)
     if not kind.reader:
         return recordings_of(text_table(path.read_bytes(), source=str(path)), throws)
-    for package in kind.packages:
-        require(package, extra=kind.extra, purpose=f"{path}: {kind.name} files", load=False)
+    packages = [kind.package] if kind.package else []
+    for package in packages:
+        require(package, purpose=f"{path}: {kind.name} files")
     return read_isolated(
         path,
         reader=f"turnout.measurement.formats.{kind.reader}",
         kind=kind.name.removesuffix(" 7.3"),
-        packages=kind.packages,
+        packages=packages,
         throws=throws,
         **({"allow_outside": allow_outside} if kind.refers else {}),
     )
@@ -282,21 +235,15 @@ def recognise_format(path: Path) -> FileFormat:
     """Return the format of a file; FileError when it cannot be read at all."""
     head = _head(path)
     for item in FORMATS:
-        if item.recognise(head, path):
+        if item.recognises(head, path):
             return item
-    for mark, way_out in (*FOREIGN, (_ARCHIVE, "an archive; unpack it")):
+    for mark, way_out in FOREIGN:
         if head.startswith(mark):
             message = f"{path}: is {way_out}"
             raise FileError(message)
     suffix = path.suffix.lower()
     by_name = next((item for item in FORMATS if suffix in item.suffixes), FORMATS[-1])
-    if by_name.name != "text" and _is_text(head):
-        return FORMATS[-1]
-    return by_name
-
-
-def _is_text(head: bytes) -> bool:
-    return not any(byte < 9 for byte in head)
+    return FORMATS[-1] if all(byte > 8 for byte in head) else by_name
 
 
 def _head(path: Path) -> bytes:
@@ -357,41 +304,25 @@ def write_recording(recording: Recording, path: Path | str) -> None:
     write_atomic(path, writer(recording))
 
 
-def require(package: str, *, extra: str, purpose: str, load: bool = True) -> Any:
-    """Load an optional package; FileError names the install command of a missing one.
+def require(package: str, *, purpose: str) -> None:
+    """Refuse to read without an optional package; the text names the install command.
 
     Parameters
     ----------
     package : str
-        Name of the module.
-    extra : str
-        Extra of turnout that brings it.
+        Of `EXTRAS`.
     purpose : str
         What cannot be read without it.
-    load : bool
-        False only looks whether it is there, for a process that will load it.
 
     Raises
     ------
     FileError
-        When it is missing or cannot be loaded.
-
-    Examples
-    --------
-    >>> require("no_such_package", extra="daq", purpose="TDMS files")
-    Traceback (most recent call last):
-    turnout.core.errors.FileError: TDMS files need no_such_package; pip install 'turnout[daq]', ...
+        When it is missing.
     """
     if find_spec(package) is None:
+        extra = EXTRAS[package]
         message = (
             f"{purpose} need {package}; pip install 'turnout[{extra}]', or in a checkout "
             f"sh bin/setup {extra}"
         )
         raise FileError(message)
-    if not load:
-        return None
-    try:
-        return import_module(package)
-    except (ImportError, OSError) as error:
-        message = f"{purpose} need {package}, which cannot be loaded here ({error})"
-        raise FileError(message) from None

@@ -12,10 +12,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import FileError
+from turnout.core.errors import refused_of
 from turnout.core.problems import choices
-from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
+from turnout.measurement.formats.assemble import (
+    is_unit,
+    split_unit,
+    tidy_unit,
+)
 from turnout.measurement.formats.clock import (
+    SECONDS,
     StatedClock,
     is_abscissa_name,
     is_date_name,
@@ -133,20 +138,26 @@ class Table:
     problems: list[str] = field(default_factory=list)
 
 
-def sort_columns(table: Table) -> None:
-    """Sort the columns of a table, and find the times among its numbers.
+def sort_columns(table: Table) -> Table:
+    """Return a table with its columns sorted, and the times found among its numbers.
 
     Raises
     ------
     FileError
         When a cell cannot be read, or a time is none.
     """
-    try:
+    table = replace(
+        table,
+        columns=list(table.columns),
+        stated=replace(table.stated, moments=list(table.stated.moments)),
+        values={},
+        axes={},
+        problems=list(table.problems),
+    )
+    with refused_of(table.source):
         _sort_columns(table)
         _name_axes(table)
-    except ValueError as error:
-        message = f"{table.source}: {error}"
-        raise FileError(message) from None
+    return table
 
 
 def label_of(table: Table, place: int) -> str:
@@ -324,12 +335,7 @@ def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
         used = _filled(texts)
         axis = stamps_axis(texts[:used])
         following = table.columns[place + 1 : place + 2]
-        if following and squeezed(following[0].name) in (
-            "ms",
-            "millisecond",
-            "milliseconds",
-            "msec",
-        ):
+        if following and SECONDS.get(squeezed(following[0].name)) == 1e-3:
             thousandths = table.values.pop(place + 1, np.zeros(0))[:used]
             if thousandths.size == used and np.all(axis.seconds == np.rint(axis.seconds)):
                 seconds = axis.seconds + thousandths / 1e3
@@ -435,6 +441,11 @@ def _counts_with_holes(values: Floats) -> bool:
     """Return True if whole numbers mostly rise by one."""
     whole = values.size > 1 and np.isfinite(values).all() and np.all(values == np.rint(values))
     return bool(whole and np.median(np.diff(values)) == 1)
+
+
+def is_constant(values: Floats) -> bool:
+    """Return True if all values are the same, and there are any."""
+    return bool(values.size and np.all(values == values[0]))
 
 
 def count_filled(values: Floats) -> int:

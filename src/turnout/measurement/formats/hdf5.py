@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.core.errors import FileError
+from turnout.core.errors import FileError, refused_of
 from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.channel_table import table_columns
@@ -151,13 +151,10 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     with h5py.File(path, "r") as file:
         content = Content(path, file, allow_outside=allow_outside)
         found = _Found(str(path))
-        try:
+        with refused_of(path):
             for name, item in content.datasets():
                 found.take_dataset(name, item, content)
             found.take_groups(file)
-        except ValueError as error:
-            message = f"{path}: {error}"
-            raise FileError(message) from None
         found.problems = [*content.problems, *found.problems]
         return found.recording(_attributes(file))
 
@@ -174,13 +171,10 @@ def read_netcdf3(path: Path) -> Recording:
     with xr.open_dataset(path, engine="scipy", decode_cf=False) as file:
         Declared(path).add(sum(item.size for item in file.variables.values()))
         attributes = {str(key).lower(): value for key, value in file.attrs.items()}
-        try:
+        with refused_of(path):
             for name, item in file.variables.items():
                 own = {str(key).lower(): value for key, value in item.attrs.items()}
                 found.take(str(name), item.to_numpy(), own)
-        except ValueError as error:
-            message = f"{path}: {error}"
-            raise FileError(message) from None
     if (rate := stated_clock(attributes).rate()) is not None:
         found.arrays.setdefault("sample_rate", np.array(rate[0]))
     return found.recording(attributes)
@@ -200,11 +194,8 @@ class _Found:
 
     def recording(self, attributes: dict[str, Any]) -> Recording:
         """Return the recording of all that was taken from a file with these attributes."""
-        try:
+        with refused_of(self.source):
             columns, problems = columns_of_arrays(self.arrays, self.texts, self.units)
-        except ValueError as error:
-            message = f"{self.source}: {error}"
-            raise FileError(message) from None
         return assemble_recording(
             [*self.columns, *columns],
             source=self.source,
@@ -255,15 +246,16 @@ class _Found:
 
     def _take_table(self, name: str, cells: Any, attributes: dict[str, Any]) -> None:
         units = {key: _text(value) for key, value in attributes.items()}
-        columns = [
+        cells_of = [
             TableColumn(field, _cells(cells[field]), units.get(f"{field.lower()}_unit", ""))
             for field in cells.dtype.names
             if cells[field].ndim == 1
         ]
         source = f"{self.source}: '{name}'"
-        table = Table(columns, stated_clock(attributes), source, alone=False)
-        self.columns += table_columns(table)
-        self.problems += table.problems
+        table = Table(cells_of, stated_clock(attributes), source, alone=False)
+        columns, remarks = table_columns(table)
+        self.columns += columns
+        self.problems += remarks
 
     def take_groups(self, file: h5py.File) -> None:
         """Take the rates that the file and its groups state for all they hold."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import FileError
+from turnout.core.errors import FileError, refused_of
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
@@ -50,12 +50,8 @@ def read_json(path: Path) -> Recording | Table:
         held = json.loads(text)
     except json.JSONDecodeError as error:
         held = _lines(text, path, error)
-    stated = StatedClock()
-    try:
-        return _found(path, held, stated)
-    except ValueError as error:
-        message = f"{path}: {error}"
-        raise FileError(message) from None
+    with refused_of(path):
+        return _found(path, held, StatedClock())
 
 
 def _lines(text: str, path: Path, error: json.JSONDecodeError) -> list[Any]:
@@ -209,6 +205,6 @@ def _channels(held: list[Any], stated: StatedClock, source: str) -> list[FileCol
         clock = own if own.rate() else replace(own, rates=stated.rates)
         columns = [TableColumn(key, _cells(cells)) for key, cells in times.items()]
         columns.append(TableColumn(bare, _cells(values), unit))
-        found += table_columns(Table(columns, clock, source, remedy=NO_TIME, alone=False))
+        found += table_columns(Table(columns, clock, source, remedy=NO_TIME, alone=False))[0]
     distinct = len({column.name for column in found}) == len(found)
     return found if distinct else []

@@ -214,8 +214,9 @@ def _tdms_group(
     stated = {**properties, **group.properties}
     for inner_columns in tables.values():
         table = Table(inner_columns, _tdms_clock(stated), source, remedy=NO_TDMS_TIME, alone=False)
-        columns += [replace(c, name=f"{prefix}{c.name}") for c in table_columns(table)]
-        problems += table.problems
+        found, remarks = table_columns(table)
+        columns += [replace(c, name=f"{prefix}{c.name}") for c in found]
+        problems += remarks
     return columns
 
 

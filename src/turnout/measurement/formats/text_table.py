@@ -1,6 +1,5 @@
 """Text files of numbers: DewesoftX exports, loggers, oscilloscopes, MATLAB, Excel (CSV, TXT)."""
 
-import csv
 import io
 import re
 import warnings
@@ -11,7 +10,7 @@ import numpy as np
 import pandas as pd
 from pandas.errors import ParserWarning
 
-from turnout.core.errors import FileError, MeasurementError
+from turnout.core.errors import MeasurementError, refused_of
 from turnout.core.problems import choices
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
@@ -38,7 +37,6 @@ MOST_FOOTER = 40
 class _Text:
     """Lines above the table and the table, with plain line ends, and how they are to be read."""
 
-    source: str
     layout: TextLayout
     above: list[str]
     body: str
@@ -64,58 +62,56 @@ def text_table(content: bytes, *, source: str) -> Table:
     """
     content = _FORMULA.sub(rb'\1"', content) if b'="' in content else content
     layout = text_layout(content[:SAMPLE_SIZE], source=source)
+    with refused_of(source):
+        return _table(content, layout, source)
+
+
+def _table(content: bytes, layout: TextLayout, source: str) -> Table:
     if layout.width > MOST_CHANNELS:
-        message = f"{source}: holds {layout.width} columns, at most {MOST_CHANNELS} are read"
-        raise FileError(message + "; export fewer")
+        message = f"holds {layout.width} columns, at most {MOST_CHANNELS} are read; export fewer"
+        raise ValueError(message)
     try:
         whole = content.decode(layout.encoding)
     except UnicodeDecodeError as error:
-        message = f"{source}: is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
-        raise FileError(message) from None
-    if "\r" in whole:
-        whole = whole.replace("\r\n", "\n").replace("\r", "\n")
+        message = f"is no {layout.encoding} text (byte {error.start}); save it as UTF-8"
+        raise ValueError(message) from None
+    whole = whole.replace("\r\n", "\n").replace("\r", "\n") if "\r" in whole else whole
     # Not skipped by the reader of rows, for which a quoted cell goes over lines.
     *above, body = [*whole.split("\n", layout.first_row), ""][: layout.first_row + 1]
-    text = _Text(source, layout, above, body)
-    frame, problems = _table(text)
-    stated = layout.heading.stated
+    text = _Text(layout, above, body)
+    frame, problems = _cells(text)
+    heading, width = layout.heading, layout.width
     problems += _unclear_mark(text)
     if layout.loose_rows > 1:
         problems.append(f"{layout.loose_rows} rows of numbers above the table are left out")
-    if stated.rates or stated.weak:
+    if heading.stated.rates or heading.stated.weak:
         problems += _lost_lines(text)
-    frame = _without_side_heading(frame, stated, layout, source)
-    names = [*layout.heading.names, *[""] * layout.width]
-    units = [*layout.heading.units, *[""] * layout.width]
-    columns = [
-        TableColumn(names[place], frame[place].to_numpy(), units[place])
-        for place in frame.columns
-        if place not in layout.heading.empty
-    ]
+    frame = _without_side_heading(frame, heading.stated, layout.decimal)
+    names, units = ([*texts, *[""] * width] for texts in (heading.names, heading.units))
     return Table(
-        columns,
-        stated,
+        [
+            TableColumn(names[place], frame[place].to_numpy(), units[place])
+            for place in frame.columns
+            if place not in heading.empty
+        ],
+        heading.stated,
         source,
         decimal=layout.decimal,
-        named=any(layout.heading.names),
+        named=any(heading.names),
         line_of=lambda row: _line_of(text, row),
         remedy=NO_TIME,
         problems=problems,
     )
 
 
-def _table(text: _Text) -> tuple[Any, list[str]]:
+def _cells(text: _Text) -> tuple[Any, list[str]]:
     """Return the cells, columns of numbers as such, and remarks on repairs."""
     layout = text.layout
-    try:
-        text, problems = _without_footer(text)
-    except csv.Error as error:
-        message = f"{text.source}: is no table of numbers ({error})"
-        raise FileError(message) from None
+    text, problems = _without_footer(text)
     try:
         frame = _frame(text)
     except (ValueError, OverflowError, ParserWarning) as error:
-        raise FileError(_fault(text, error)) from None
+        raise ValueError(_fault(layout, error)) from None
     while layout.width == 1 and len(frame) and frame.iloc[-1, 0] in ("", None):
         frame = frame.iloc[:-1]
     if layout.width == 1 and len(frame) and frame[0].dtype.kind == "f":
@@ -128,27 +124,24 @@ def _table(text: _Text) -> tuple[Any, list[str]]:
     return frame, problems
 
 
-def _frame(text: _Text, **options: object) -> Any:
+def _frame(text: _Text) -> Any:
     layout = text.layout
-    separator = r"\s+" if layout.separator == " " else layout.separator
-    given: dict[str, object] = {
-        "sep": separator,
-        "decimal": layout.decimal,
-        "header": None,
-        "names": range(layout.width),
-        "index_col": False,
-        # In a column of its own an empty line is a missing sample.
-        "skip_blank_lines": layout.width > 1,
-        "na_values": sorted(EMPTY - {""}),
-        "skipinitialspace": True,
-        "engine": "c",
-        "low_memory": False,
-        **options,
-    }
     with warnings.catch_warnings():
         # Rows longer than the heading would lose their last cells with no more than a warning.
         warnings.simplefilter("error", ParserWarning)
-        frame = pd.read_csv(io.BytesIO(text.body.encode()), **given)  # type: ignore[call-overload]
+        frame = pd.read_csv(
+            io.BytesIO(text.body.encode()),
+            sep=r"\s+" if layout.separator == " " else layout.separator,
+            decimal=layout.decimal,
+            header=None,
+            names=range(layout.width),
+            index_col=False,
+            # In a column of its own an empty line is a missing sample.
+            skip_blank_lines=layout.width > 1,
+            na_values=sorted(EMPTY - {""}),
+            skipinitialspace=True,
+            low_memory=False,
+        )
     for name in frame.columns:
         kind = frame[name].dtype
         if kind.kind == "b" or not isinstance(kind, np.dtype):
@@ -200,40 +193,33 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
 
 def _refuse_second_table(text: _Text, leading: int) -> None:
     """Refuse a line below the numbers that begins with the name of their first column."""
-    names = [name.strip() for name in text.layout.heading.names if name]
-    if not names or _value(names[0], text.layout.decimal) or names[0] not in text.body:
+    name = next((name.strip() for name in text.layout.heading.names if name), "")
+    if not name or _value(name, text.layout.decimal) or name not in text.body:
         return
     for row, line in enumerate(text.body.split("\n")):
-        if row and names[0] in line:
-            cells = split_line(line, text.layout.separator)
-            cell = cells[leading] if len(cells) > leading else ""
-            if cell.split(" (")[0].split(" [")[0] == names[0]:
-                message = (
-                    f"{text.source}: a second table begins at line {len(text.above) + 1 + row}, "
-                    "below the first; save each in a file of its own"
-                )
-                raise FileError(message)
+        cells = split_line(line, text.layout.separator) if row and name in line else []
+        if re.split(r" [(\[]", [*cells, *[""] * leading, ""][leading])[0] == name:
+            message = (
+                f"a second table begins at line {len(text.above) + 1 + row}, below the first; "
+                "save each in a file of its own"
+            )
+            raise ValueError(message)
 
 
-def _without_side_heading(frame: Any, stated: StatedClock, layout: TextLayout, source: str) -> Any:
+def _without_side_heading(frame: Any, stated: StatedClock, decimal: str) -> Any:
     """Read a heading that stands in the first columns beside the first rows of numbers."""
     beside: list[int] = []
     for name in frame.columns[:-1] if frame[0].dtype == object else ():
         filled = np.flatnonzero((frame[name].notna() & (frame[name].astype(str) != "")).to_numpy())
-        short = len(filled) and filled[-1] < min(MOST_FOOTER, len(frame) - 1)
-        if len(filled) and not short:
+        if len(filled) and filled[-1] >= min(MOST_FOOTER, len(frame) - 1):
             break
         beside.append(name)
-    if not beside or frame[beside[0]].dtype != object or len(beside) < 2:
+    if len(beside) < 2 or frame[beside[0]].dtype != object:
         return frame
     for row in frame[beside].head(MOST_FOOTER).astype(str).itertuples(index=False):
-        values = [cell for cell in row[1:] if isinstance(cell, str) and cell not in ("", "nan")]
+        values = [cell for cell in row[1:] if cell not in ("", "nan")]
         if values:
-            try:
-                stated.read(str(row[0]), values, decimal=layout.decimal)
-            except ValueError as error:
-                message = f"{source}: {error}"
-                raise FileError(message) from None
+            stated.read(str(row[0]), values, decimal=decimal)
     return frame.drop(columns=beside)
 
 
@@ -268,18 +254,18 @@ def _line_of(text: _Text, row: int) -> str:
     return f"line {kept[row]}" if row < len(kept) else "a line"
 
 
-def _fault(text: _Text, error: Exception) -> str:
+def _fault(layout: TextLayout, error: Exception) -> str:
     """Return why a file is no table of numbers."""
-    said, source, layout = str(error), text.source, text.layout
+    said = str(error)
     if "Expected" in said and "saw" in said:
         counted = re.sub(r"line (\d+)", lambda m: f"line {int(m[1]) + layout.first_row}", said)
         counted = counted.split("C error:")[-1].strip()
-        return f"{source}: {counted}; give every row the same columns"
+        return f"{counted}; give every row the same columns"
     if isinstance(error, ParserWarning):
-        return f"{source}: rows have more than {layout.width} columns; give all the same columns"
+        return f"rows have more than {layout.width} columns; give all the same columns"
     if "EOF inside string" in said:
-        return f"{source}: a quotation mark among the numbers is never closed; take it out"
-    return f"{source}: cannot be read as numbers ({said[:200]})"
+        return "a quotation mark among the numbers is never closed; take it out"
+    return f"cannot be read as numbers ({said[:200]})"
 
 
 def csv_bytes(recording: Recording) -> bytes:
