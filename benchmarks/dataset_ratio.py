@@ -48,7 +48,9 @@ def measured(count: int) -> Times:
         }
         if curved is not None:
             parts["curve solution"] = partial(solve, curved, foreign_object=foreign, scheme=scheme)
-            parts["curve dataset"] = partial(simulate, curved, foreign_object=foreign, scheme=scheme)
+            parts["curve dataset"] = partial(
+                simulate, curved, foreign_object=foreign, scheme=scheme
+            )
         for number in range(count + 1):
             for name, part in parts.items():
                 begun = time.process_time()

@@ -12,7 +12,7 @@ from tests.faults.terminal import run_code
 from turnout.kernels.arguments import ARRAY, NUMBER, add_argument
 from turnout.kernels.compiled import CACHE_VARIABLE, Kernel, compiled
 from turnout.kernels.machine_code import MachineCode, machine_digest
-from turnout.solver.compliance import invert
+from turnout.solver.columns import invert
 
 Floats = np.ndarray
 

@@ -8,7 +8,7 @@ import pytest
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel
-from turnout.solver.blocks import split_blocks
+from turnout.solver.condense import split_blocks
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from turnout.core.lru_cache import LRUCache
-from turnout.solver import followers
-from turnout.solver.followers import LARGEST_WEIGHT, leading_rows
+from turnout.solver import condense
+from turnout.solver.condense import LARGEST_WEIGHT, leading_rows
 
 
 def rows_of_a_section(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -71,6 +71,6 @@ def test_what_was_chosen_is_found_again_but_not_for_other_rows(
     assert not found.weights.flags.writeable
     other = leading_rows(rows, first=~first)
     assert other.leaders.tolist() != found.leaders.tolist()
-    monkeypatch.setattr(followers, "_cache", LRUCache(1))
+    monkeypatch.setattr(condense, "_leading", LRUCache(1))
     leading_rows(2.0 * rows, first=first)
     assert leading_rows(rows, first=first) is not found, "older ones are forgotten"

@@ -6,8 +6,7 @@ from tests.unit.test_solver_columns import INERTIA, OPTIONS, VISCOSITY, Setup, f
 
 from turnout.law.friction import SLIP_FORWARD
 from turnout.solver.accuracy import DRIFTS, is_inaccurate, refine
-from turnout.solver.columns import rebuild, update_row
-from turnout.solver.compliance import assemble_level
+from turnout.solver.columns import assemble_level, rebuild, update_row
 from turnout.solver.energy import account_friction
 from turnout.solver.march import _try_step
 from turnout.solver.solution import gather_modes, solve_displacements

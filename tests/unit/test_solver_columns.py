@@ -16,15 +16,17 @@ from turnout.kernels.shared_record import shared_record
 from turnout.law.friction import STICK, no_courses
 from turnout.law.obstruction import no_obstructions
 from turnout.law.table import LawTable, LawTableBuilder
-from turnout.solver.blocks import Block
-from turnout.solver.columns import activate, deactivate, finish_pending, rebuild, update_row
-from turnout.solver.compliance import assemble_level
-from turnout.solver.condense import BlockModel, folded_stiffness, sum_at_rows
-from turnout.solver.followers import leading_rows
+from turnout.solver.columns import (
+    activate,
+    assemble_level,
+    deactivate,
+    finish_pending,
+    rebuild,
+    update_row,
+)
+from turnout.solver.condense import Block, BlockModel, folded_stiffness, leading_rows, sum_at_rows
 from turnout.solver.modal import diagonalise_damping, modal_model
-from turnout.solver.numbering import place_laws
 from turnout.solver.record import empty_record
-from turnout.solver.scratch import Work, new_work
 from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.state import (
     COUNT_FLIPS,
@@ -36,10 +38,12 @@ from turnout.solver.state import (
     Options,
     Run,
     State,
+    Work,
     fresh_state,
+    new_work,
     set_segment,
 )
-from turnout.solver.system import System, check_normals, condensed_system
+from turnout.solver.system import System, check_normals, condensed_system, place_laws
 
 INERTIA, VISCOSITY = 3e4, 900.0
 OPTIONS = Options.of(Scheme(halvings=0, follow_path=False))

@@ -7,9 +7,9 @@ from tests.verification.hand_made import energy_residual, hand_made, linear_spri
 from turnout.core.scheme import Scheme
 from turnout.law.table import LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.dense import interpolate_record
 from turnout.solver.integration import History, integrate
-from turnout.solver.seen import StepRecord
+from turnout.solver.record import interpolate_record
+from turnout.solver.state import StepRecord
 
 STIFFNESS, MASS, STOP = 1e4, 28.0, 1.2e-3
 

@@ -3,7 +3,7 @@
 import numpy as np
 from tests.unit.test_solver_scheme import oscillator
 
-from turnout.solver.scratch import MOST_KEPT, acquire_buffer, release_buffers
+from turnout.solver.state import MOST_KEPT, acquire_buffer, release_buffers
 
 
 def test_a_second_run_leaves_the_history_of_the_first_alone() -> None:

@@ -14,8 +14,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.solver.integration import History
-from turnout.solver.seen import SeenRows
-from turnout.solver.watch import Watch
+from turnout.solver.record import SeenRows, Watch
 from turnout.study.study import Output
 from turnout.study.sweep import row as sweep_row
 from turnout.throw.simulate import solve_placed

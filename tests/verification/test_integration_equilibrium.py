@@ -17,8 +17,8 @@ from turnout.core.errors import MechanicsError
 from turnout.core.scheme import Scheme
 from turnout.law.table import LawTable, LawTableBuilder
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.equilibrium import equilibrium_segments
 from turnout.solver.integration import History, integrate
+from turnout.solver.start import equilibrium_segments
 
 SOFT, BEND = 1e3, 0.01
 
@@ -173,7 +173,7 @@ def test_the_search_of_segments_ends_where_they_stay(monkeypatch: pytest.MonkeyP
     """A step within the segments ends at the minimum, though rounding goes on beside it."""
     mechanism, solved, lstsq = rail_like(0, n_rows=12), [], np.linalg.lstsq
     monkeypatch.setattr(
-        "turnout.solver.equilibrium.np.linalg.lstsq",
+        "turnout.solver.start.np.linalg.lstsq",
         lambda *given: (solved.append(1), lstsq(*given))[1],
     )
     held = np.zeros_like(mechanism.stiffness)

@@ -42,7 +42,7 @@ class Scheme:
         Whether the smallest step, where it does not settle, is walked event by event.
     output_interval : float
         Time between stored instants [s]. Default every step, but not more often than every
-        millisecond. Between the steps it is filled in, see `turnout.solver.dense`.
+        millisecond. Between the steps it is filled in, see `turnout.solver.record`.
     inertia : bool
         Whether masses and dampers count. Without them the rails go from one equilibrium to the
         next, event by event.

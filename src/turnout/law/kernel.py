@@ -1,7 +1,7 @@
 """Compiled evaluation of the law table: arguments, segments, forces.
 
 Arrays are float64; indices are int64. In the table for the
-kernels, `turnout.solver.numbering.place_laws`, rows are places, and they and the normal laws of
+kernels, `turnout.solver.system.place_laws`, rows are places, and they and the normal laws of
 frictions are unsigned. Arguments grow as a contact closes; `F` is the resisting force of the law,
 so that ``-F`` acts on the structure along the law's row.
 """

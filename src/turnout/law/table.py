@@ -28,7 +28,7 @@ Segment = tuple[float, float, float, float, float]
 class LawTable(NamedTuple):
     """All laws of a mechanism as arrays; indices are int64, reals float64.
 
-    In the table for the kernels, `turnout.solver.numbering.place_laws`, rows are places.
+    In the table for the kernels, `turnout.solver.system.place_laws`, rows are places.
 
     Segment `s` of law `l` is entry ``segment_start[l] + s``; it holds for arguments between
     ``segment_lower`` and ``segment_upper``. ``potential`` makes the energy continuous and zero

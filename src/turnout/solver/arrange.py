@@ -5,11 +5,18 @@ motion share modes and structure, which are therefore condensed once and cached.
 from the same records share their matrices, which are read-only then; the cache knows them by their
 identity. The rows of foreign objects come last and are added to the condensed rails, so that an
 object in another place costs its own displacements and flexibilities, and no modes.
+
+A run takes its memory out and gives it back at its end, so that no two runs ever write to one.
+Compliances depend on the condensed rails and the length of the step (`turnout.solver.columns`), not
+on laws: throws of a study that differ in friction, stiffness of drives, slip levels and the object
+have them alike. Where objects stand matters for their own rows and columns alone, which are made
+again. States and scratch arrays are only laid out alike, which takes longer than to fill them.
+Rails of which there is a single throw give nothing back.
 """
 
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,31 +27,135 @@ from turnout.core.scheme import Scheme
 from turnout.kernels.shared_record import record_like, shared_record
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.blocks import drop_joining_bases
+from turnout.solver.columns import READY, STALE
 from turnout.solver.condense import (
     BasePlaces,
     BlockModel,
     CondensedRails,
+    Leading,
     base_places,
     condense_blocks,
+    drop_joining_bases,
     folded_stiffness,
     sum_at_rows,
 )
-from turnout.solver.followers import Leading
-from turnout.solver.levels import Frame, Templates, clear_levels
 from turnout.solver.modal import ModalModel
-from turnout.solver.numbering import PLACED, Places, number_places, place_laws
-from turnout.solver.scratch import release_buffers
+from turnout.solver.state import Options, State, StepRecord, Work, release_buffers
 from turnout.solver.system import (
+    PLACED,
+    Ints,
+    Places,
     System,
     check_normals,
     condensed_system,
     move_added_ends,
+    number_places,
+    place_laws,
     refill_system,
 )
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Templates = dict[tuple[int, int], tuple[State, Work]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """Condensed rails, without what depends on where in its blocks an object stands.
+
+    Attributes
+    ----------
+    system : System
+        Of one arrangement.
+    places : Places
+        Of its ends, modes and rows.
+    templates : dict
+        States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy;
+        rails of other sections share them.
+    feet : dict
+        Modes at the feet of frictions whose curves follow speed, by the rows of the frictions.
+    """
+
+    system: System
+    places: Places
+    templates: Templates
+    feet: dict[bytes, dict[str, NDArray[Any]]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunMemory:
+    """Memory of a run that has ended.
+
+    Attributes
+    ----------
+    frame : Frame
+        What systems have in common that differ in the places of objects alone.
+    system : System
+        Of the run.
+    state : State
+        Whose compliances are known.
+    work : Work
+        Scratch arrays.
+    ready : ndarray of int, shape (n_levels,)
+        Which of the compliances are known for this system.
+    record : StepRecord, optional
+        Of a run whose stored instants are of no more use.
+    """
+
+    frame: Frame  # its templates are kept alive, since the key names them by their identity
+    system: System
+    state: State
+    work: Work
+    ready: Ints
+    record: StepRecord | None
+
+    def ready_for(self, system: System, frame: Frame) -> Ints:
+        """Return which of the compliances are known for a system."""
+        if self.system is system:
+            return self.ready
+        if self.frame is not frame:
+            return np.zeros_like(self.ready)
+        return np.where(self.ready == READY, STALE, self.ready)
+
+
+_kept = LRUCache[RunMemory](24)  # three megabytes each in quick mode
+
+
+def take_memory(frame: Frame, options: Options, sizes: tuple[int, ...]) -> RunMemory | None:
+    """Take the memory of a run; None where there is none.
+
+    Parameters
+    ----------
+    frame : Frame
+        As of `RunMemory`.
+    options : Options
+        The lengths of its steps.
+    sizes : tuple of int
+        Numbers of its inputs and levels.
+    """
+    return _kept.pop(_key(frame, options, sizes))
+
+
+def give_back_memory(
+    frame: Frame,
+    system: System,
+    options: Options,
+    state: State,
+    work: Work,
+    record: StepRecord | None = None,
+) -> None:
+    """Give back the memory of a run that has ended."""
+    sizes = state.inputs.size, state.level_ready.size
+    memory = RunMemory(frame, system, state, work, state.level_ready.copy(), record)
+    _kept.put(_key(frame, options, sizes), memory)
+
+
+def clear_levels() -> None:
+    """Forget all memory of runs."""
+    _kept.clear()
+
+
+def _key(frame: Frame, options: Options, sizes: tuple[int, ...]) -> Hashable:
+    numbers = (options.step, options.alpha_m, options.alpha_f, options.beta, options.gamma)
+    return (id(frame.templates), *numbers, *sizes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +401,7 @@ def _without_objects(mechanism: Mechanism) -> Mechanism:
 
 
 def _with_objects(
-    parts: tuple[BlockModel, ...], rows: Floats | None, *, first: int
+    parts: tuple[BlockModel, ...], rows: NDArray[np.float64] | None, *, first: int
 ) -> tuple[tuple[BlockModel, ...], Hashable]:
     """Add the rows of objects, numbered from `first` on, to the blocks they reach into.
 

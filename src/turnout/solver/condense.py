@@ -4,6 +4,12 @@ The stiffness of the laws on their base segments is part of the linear system; f
 flexibility see `turnout.solver.modal`. Of a driven law (the bushing of a drive) it is not its own
 stiffness but the *home* one next to it, so that drives of many stiffnesses share one condensation;
 the difference is a deviation like that of any law off its base segment.
+
+Rails that only laws outside the linear system join (a link, a stop against a stock rail that bends,
+a foreign object) are *blocks* of their own: their modes, flexibility and columns stay small. A row
+that reaches into two blocks has an *end* in each; all other rows have one end. A stop, the foot on
+a slide chair and the edges of that foot are points of one rigid section, so the displacement of one
+follows from those of the others. Only *leading* rows need columns of their own.
 """
 
 import math
@@ -15,15 +21,13 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eigh, solve_triangular
 
 from turnout.core.content_cache import digest
 from turnout.core.lru_cache import LRUCache
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Matrices, Mechanism, ReducedRail
 from turnout.mechanism.varied_rails import VariedRail
-from turnout.solver.blocks import Block, split_blocks
-from turnout.solver.followers import Leading, leading_rows
 from turnout.solver.modal import (
     ModalModel,
     Omitted,
@@ -37,6 +41,186 @@ from turnout.solver.modal import (
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """A group of rails of a mechanism that is solved on its own.
+
+    Attributes
+    ----------
+    coordinates : ndarray of int, shape (n,)
+        Indices of its coordinates in the mechanism.
+    rows : ndarray of int, shape (n_ends,)
+        Indices of the rows that have an end in it.
+    """
+
+    coordinates: Ints
+    rows: Ints
+
+
+def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
+    """Split a mechanism into blocks.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        A mechanism without rails, or with only one, is one block.
+    laws : LawTable
+        Its laws; rails that a base segment, or a friction with its normal law, joins are one block.
+
+    Returns
+    -------
+    tuple of Block
+        Each row has an end in one of them, or in two.
+    """
+    n_rows, size = mechanism.rows.shape
+    if len(mechanism.rails) < 2:
+        return (Block(np.arange(size), np.arange(n_rows)),)
+    touched = _find_touched_rails(mechanism)
+    groups = _group_rails(touched, laws)
+    first_touched = np.where(touched.any(axis=1), groups[touched.argmax(axis=1)], 0)
+    blocks = []
+    for group in range(groups.max() + 1):
+        members = [
+            rail for rail, mine in zip(mechanism.rails, groups, strict=True) if mine == group
+        ]
+        inside = touched[:, groups == group].any(axis=1)
+        idle = ~touched.any(axis=1) & (first_touched == group)
+        blocks.append(
+            Block(
+                coordinates=np.concatenate(
+                    [np.arange(rail.first, rail.first + rail.count) for rail in members]
+                ),
+                rows=np.flatnonzero(inside | idle),
+            )
+        )
+    return tuple(blocks)
+
+
+def drop_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
+    """Return the laws with no base segment where a law joins two rails."""
+    if len(mechanism.rails) < 2:
+        return laws
+    joins = _find_touched_rails(mechanism).sum(axis=1)[laws.row] > 1
+    return laws._replace(base_segment=np.where(joins, -1, laws.base_segment))
+
+
+# By the identity of the rows, which the cache keeps alive so that no others can have it.
+_touched = LRUCache[tuple[Floats, Flags]](32)
+
+
+def _find_touched_rails(mechanism: Mechanism) -> Flags:
+    """Return which rails each row reaches into, shape (n_rows, n_rails)."""
+    places = tuple((rail.first, rail.count) for rail in mechanism.rails)
+    key = (id(mechanism.rows), places)
+    if (cached := _touched.get(key)) is not None:
+        return cached[1]
+    used = mechanism.rows != 0.0
+    found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
+    if not mechanism.rows.flags.writeable:
+        _touched.put(key, (mechanism.rows, found))
+    return found
+
+
+def _group_rails(touched: Flags, laws: LawTable) -> Ints:
+    """Return the block of every rail; rails that must be solved together share one."""
+    together = np.concatenate(
+        (
+            touched[laws.row[laws.base_segment >= 0]],
+            touched[laws.friction_row] | touched[laws.row[laws.friction_normal]],
+            touched[touched.sum(axis=1) > 2],
+        )
+    )
+    group = np.arange(touched.shape[1])
+    bits = np.unique(together @ (1 << group))  # of the rails that must be, once each
+    for rails in (bits[:, np.newaxis] >> group) & 1 == 1:
+        if rails.any():
+            group[np.isin(group, group[rails])] = group[rails].min()
+    return np.unique(group, return_inverse=True)[1].astype(np.int64)
+
+
+EXACT = 1e-12
+"""Largest remainder of a row that follows, relative to its norm [-]."""
+LARGEST_WEIGHT = 100.0
+"""Largest weight of a row that follows [-]; beyond, it leads, since its terms would cancel."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leading:
+    """Which rows lead, and how all rows follow from them.
+
+    Attributes
+    ----------
+    leaders : ndarray of int, shape (n_leaders,)
+        Indices of the leading rows, rising.
+    weights : ndarray, shape (n_rows, n_leaders)
+        ``rows = weights @ rows[leaders]``; those of a leader are a one and zeros.
+    """
+
+    leaders: Ints
+    weights: Floats
+
+
+_leading = LRUCache[Leading](48)
+
+
+def leading_rows(rows: Floats, *, first: NDArray[np.bool_]) -> Leading:
+    """Choose rows from which all others follow exactly.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_rows, n_coordinates)
+        Displacements as combinations of coordinates.
+    first : ndarray of bool, shape (n_rows,)
+        Rows that lead if they can. Among the others those in front lead, so that one more row at
+        the end changes nothing for the others.
+
+    Returns
+    -------
+    Leading
+        Read-only arrays.
+
+    Examples
+    --------
+    >>> rows = np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
+    >>> found = leading_rows(rows, first=np.array([False, True, False]))
+    >>> found.leaders.tolist(), found.weights.tolist()
+    ([1, 2], [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    """
+    key = (rows.shape, rows.tobytes(), first.tobytes())
+    found = _leading.get(key)
+    return found if found is not None else _leading.put(key, _choose_leaders(rows, first))
+
+
+def _choose_leaders(rows: Floats, first: NDArray[np.bool_]) -> Leading:
+    count = rows.shape[0]
+    basis, shares = np.zeros_like(rows), np.zeros((count, count))
+    independent: list[int] = []
+    for row in np.concatenate((np.flatnonzero(first), np.flatnonzero(~first))):
+        left, found = rows[row].copy(), len(independent)
+        for _ in range(2):  # once more, since what is left may be rounding
+            share = basis[:found] @ left
+            left -= share @ basis[:found]
+            shares[row, :found] += share
+        rest = float(np.linalg.norm(left))
+        if rest > EXACT * float(np.linalg.norm(rows[row])):
+            basis[found], shares[row, found] = left / rest, rest
+            independent.append(int(row))
+    shares = shares[:, : len(independent)]
+    weights = solve_triangular(shares[independent].T, shares.T, lower=False).T
+    heavy = np.flatnonzero(np.abs(weights).max(axis=1, initial=0.0) > LARGEST_WEIGHT)
+    leaders = np.array(sorted({*independent, *heavy.tolist()}), dtype=np.int64)
+    of_leaders = np.zeros((count, leaders.size))
+    of_leaders[:, np.searchsorted(leaders, independent)] = weights
+    of_leaders[leaders] = np.eye(leaders.size)
+    for array in (leaders, of_leaders):
+        array.flags.writeable = False
+    return Leading(leaders, of_leaders)
+
+
 _MATRICES = ("stiffness", "mass", "damping")
 
 

@@ -19,7 +19,6 @@ from turnout.mechanism.mechanism import Mechanism, Wait
 from turnout.solver.accuracy import equilibrium_residual
 from turnout.solver.arrange import Arrangement, arrange
 from turnout.solver.condense import CondensedRails
-from turnout.solver.dense import interpolate_record
 from turnout.solver.driven import (
     MachineHistory,
     Pause,
@@ -31,12 +30,6 @@ from turnout.solver.driven import (
     start_rods,
 )
 from turnout.solver.energy import energy_balance, folded_energy
-from turnout.solver.equilibrium import (
-    anchor_at_rest,
-    equilibrium,
-    settle,
-    start_energy_balance,
-)
 from turnout.solver.march import march, march_with_machines, store_instant
 from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
@@ -48,19 +41,30 @@ from turnout.solver.prepared_run import (
     prepare,
     set_up_run,
 )
-from turnout.solver.record import kept_obstructions, trim_record
-from turnout.solver.rods import Rods
-from turnout.solver.seen import StepRecord, seen_weights
-from turnout.solver.start import PriorMotion, StartPlan, find_start, plan_start
-from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS, Run, State
-from turnout.solver.watch import (
+from turnout.solver.record import (
     Watch,
     Watched,
     WatchPlan,
+    interpolate_record,
+    kept_obstructions,
     plan_watch,
     rest_instants,
+    seen_weights,
+    trim_record,
     trim_watched,
 )
+from turnout.solver.rods import Rods
+from turnout.solver.start import (
+    PriorMotion,
+    StartPlan,
+    anchor_at_rest,
+    equilibrium,
+    find_start,
+    plan_start,
+    settle,
+    start_energy_balance,
+)
+from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS, Run, State, StepRecord
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -15,22 +15,21 @@ from turnout.solver.accuracy import (
     measure_residual,
     refine,
 )
-from turnout.solver.columns import REBUILD_AFTER, rebuild
-from turnout.solver.compliance import assemble_level
+from turnout.solver.columns import REBUILD_AFTER, assemble_level, rebuild
 from turnout.solver.energy import (
     account_friction,
     account_laws,
     store_energy,
     switch_laws,
 )
-from turnout.solver.follow import follow_path
+from turnout.solver.follow import advance_static, follow_path
 from turnout.solver.obstruct import (
     has_just_broken,
     passes_failure,
     update_courses,
     update_obstructions,
 )
-from turnout.solver.quasistatic import advance_static
+from turnout.solver.record import store_seen
 from turnout.solver.rods import (
     Rods,
     accept_rods,
@@ -42,7 +41,6 @@ from turnout.solver.rods import (
     rods_may_stay,
     store_rods,
 )
-from turnout.solver.seen import store_seen
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -245,8 +243,7 @@ def store_instant(run: Run, state: State, at: int) -> None:
         _copy_to(work.force, record.law[whole], cached)
     kept = record.places[at, 1] if listed else at
     if kept >= 0 and record.seen.shape[1] > 0:
-        forces = (work.force, state.friction_force)
-        store_seen(system, (state.q, state.g), forces, record, kept)
+        store_seen(run, state, kept)
     balanced = record.places[at, 2] if listed else at
     if balanced >= 0:
         store_energy(run, state, record.stored[balanced])

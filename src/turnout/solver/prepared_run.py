@@ -21,15 +21,20 @@ from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
-from turnout.solver.arrange import Arrangement
-from turnout.solver.levels import Frame, give_back_memory, take_memory
-from turnout.solver.numbering import as_unsigned
-from turnout.solver.record import empty_record
-from turnout.solver.scratch import Work, new_work
-from turnout.solver.seen import SeenWeights, StepRecord
-from turnout.solver.state import Options, Run, State, fresh_copy, fresh_state, refill_state
-from turnout.solver.system import System
-from turnout.solver.watch import WatchPlan
+from turnout.solver.arrange import Arrangement, Frame, give_back_memory, take_memory
+from turnout.solver.record import SeenWeights, WatchPlan, empty_record
+from turnout.solver.state import (
+    Options,
+    Run,
+    State,
+    StepRecord,
+    Work,
+    fresh_copy,
+    fresh_state,
+    new_work,
+    refill_state,
+)
+from turnout.solver.system import System, as_unsigned
 
 Floats = NDArray[np.float64]
 

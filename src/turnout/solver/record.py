@@ -1,22 +1,445 @@
-"""The record of a run: its memory, and what is left of it at the end."""
+r"""The record of a run: which of its instants are kept, and what of these.
 
-from functools import cache
-from typing import Any
+Labels and features need the forces of a few laws at every instant and the displacements of a few
+points at some; a whole instant is fifty times as much, and most of it would go to memory and back
+for nothing. A record may therefore hold whole instants at some times alone, and beside them forces
+of *watched* laws at all stored instants and *seen* displacements at those that are *kept*.
+
+A seen displacement is, with the displacements of rows g and the modes and static shapes of its own
+(`turnout.throw.recovery`),
+
+.. math:: s = A g + \Phi_s q + R_s \lambda + r_s
+
+where the forces beyond the linear system are those of laws, less their stiffness in that system
+times their displacement, and those of frictions, both with the other sign. Where a few rows give it
+the rest is zero; what no seen displacement depends on has no weight.
+
+Between the steps modal coordinates follow the cubic through coordinates and velocities at both
+ends of their step,
+
+.. math:: q = (1-\theta)\,q_0 + \theta\,q_1 + \theta(1-\theta)
+          \bigl[(1-\theta)(h v_0 - \Delta) - \theta\,(h v_1 - \Delta)\bigr],
+          \qquad \Delta = q_1 - q_0,
+
+which is of fourth order. The static share above the cut-off is interpolated linearly, as are
+friction and energies. The laws that act all the time are evaluated at the new displacements, so
+that they hold between the steps too.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.kernels.lanes import LANES, empty_in_lines, whole_lines
-from turnout.kernels.shared_record import address_of, clone_record, shared_record
+from turnout.core.lru_cache import LRUCache
+from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
+from turnout.kernels.lanes import (
+    LANES,
+    broadcast,
+    empty_in_lines,
+    gather_neighbours,
+    load,
+    store,
+    whole_lines,
+    zeros_in_lines,
+)
+from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.kernels.vector import copy, gather_all
 from turnout.law.obstruction import Obstructions, no_obstructions
 from turnout.law.table import LawTable
+from turnout.solver.condense import CondensedRails
 from turnout.solver.energy import LEDGER
-from turnout.solver.scratch import acquire_buffer
-from turnout.solver.seen import SeenWeights, StepRecord
-from turnout.solver.system import Floats, System
-from turnout.solver.watch import WatchPlan, watched_record
+from turnout.solver.state import Run, State, StepRecord, lines_from_buffer
+from turnout.solver.system import Floats, Ints, System, as_unsigned
 
-Ints = NDArray[np.int64]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenRows:
+    """Weights of displacements that are to be seen.
+
+    Attributes
+    ----------
+    stored : ndarray, shape (n_seen, n_rows)
+        Of the displacements of the rows of the mechanism [-].
+    modes : ndarray, shape (n_seen, n_modes)
+        Of modal coordinates.
+    shapes : ndarray, shape (n_seen, n_rows)
+        Of forces along the rows beyond the linear system [m/N].
+    load : ndarray, shape (n_seen,)
+        Displacements under the constant load alone [m].
+    """
+
+    stored: Floats
+    modes: Floats
+    shapes: Floats
+    load: Floats
+
+
+class SeenWeights(NamedTuple):
+    """Weights of seen displacements as the kernel takes them, see `StepRecord`."""
+
+    seen_load: Floats
+    stored_list: Ints
+    stored_rows: Floats
+    mode_list: Ints
+    mode_rows: Floats
+    law_list: Ints
+    law_places: Ints
+    law_rows: Floats
+    friction_list: Ints
+    friction_rows: Floats
+
+
+# Rails with their objects and rows of laws are shared by many throws.
+_weights = LRUCache[tuple[SeenWeights, object]](128)  # some 10 kB each
+
+
+def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights:
+    """Return the weights of what is seen; found once where what they are made of is the same.
+
+    Parameters
+    ----------
+    seen : SeenRows
+        What is wanted.
+    laws : LawTable
+        By rows of the mechanism.
+    row_place : ndarray of int, shape (n_rows,)
+        Place of each row in the vector of displacements.
+    """
+    parts, places = (seen.stored, seen.modes, seen.shapes, seen.load), row_place.tobytes()
+    key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places)
+    kept = _weights.get(key)
+    if kept is not None:
+        return kept[0]
+    count = seen.load.size
+    width = int(whole_lines(count))
+    seen_load, forces = np.zeros(width), -seen.shapes
+    seen_load[:count] = seen.load
+    stored, mode = _listed(seen.stored, None, width), _listed(seen.modes, None, width)
+    law, friction = _listed(forces, laws.row, width), _listed(forces, laws.friction_row, width)
+    made = SeenWeights(
+        seen_load,
+        as_unsigned(row_place[stored[0]].astype(np.int64)),
+        stored[1],
+        *mode,
+        law[0],
+        as_unsigned(row_place[laws.row[law[0]]].astype(np.int64)),
+        law[1],
+        *friction,
+    )
+    if not any(part.flags.writeable for part in parts):
+        _weights.put(key, (made, parts))
+    return made
+
+
+def _listed(weights: Floats, of: Ints | None, width: int) -> tuple[Ints, Floats]:
+    """Return which columns have a weight, and these as padded rows; both fill whole cache lines.
+
+    With `of` those of these columns in its order.
+    """
+    carries: NDArray[np.bool_] = np.asarray(weights.any(axis=0))
+    used = np.flatnonzero(carries if of is None else carries[of])
+    count = int(whole_lines(used.size))
+    rows, listed = zeros_in_lines(count, width), np.zeros(count, dtype=np.int64)
+    rows[: used.size, : weights.shape[0]] = weights.T[used if of is None else of[used]]
+    listed[: used.size] = used
+    return as_unsigned(listed), rows
+
+
+@compiled
+def give_place(record: StepRecord, at: int) -> None:
+    """Let a stored instant that is still to come be stored whole, seen, and with its energies."""
+    rooms = (record.q.shape[0], record.seen.shape[0], record.stored.shape[0])
+    for column in range(3):
+        if record.places[at, column] < 0 and record.given[column] < rooms[column]:
+            record.places[at, column] = record.given[column]
+            record.given[column] += 1
+
+
+@compiled_loop
+def _pick_deviations(
+    g: Floats, slope: Floats, forces: Floats, laws: Ints, places: Ints, to: Floats
+) -> None:
+    """Write by how much the forces of some laws differ from those in the linear system [N]."""
+    for i in range(0, to.size, LANES):
+        held = gather_neighbours(slope, laws, i) * gather_neighbours(g, places, i)
+        store(gather_neighbours(forces, laws, i) - held, to, i)
+
+
+@compiled_loop
+def _add_rows(weights: Floats, rows: Floats, to: Floats) -> None:
+    """Add a weighted sum of rows that fill whole cache lines; four sums keep the processor busy."""
+    n = weights.size
+    for i in range(0, to.size, LANES):
+        a, b, c, d = broadcast(0.0), broadcast(0.0), broadcast(0.0), broadcast(0.0)
+        r = 0
+        while r + 4 <= n:
+            a = a + broadcast(weights[r]) * load(rows[r], i)
+            b = b + broadcast(weights[r + 1]) * load(rows[r + 1], i)
+            c = c + broadcast(weights[r + 2]) * load(rows[r + 2], i)
+            d = d + broadcast(weights[r + 3]) * load(rows[r + 3], i)
+            r += 4
+        while r < n:
+            a = a + broadcast(weights[r]) * load(rows[r], i)
+            r += 1
+        store(load(to, i) + ((a + b) + (c + d)), to, i)
+
+
+@compiled_part
+def store_seen(run: Run, state: State, kept: int) -> None:
+    """Write the seen displacements of the present instant to a row of the record."""
+    record, g, slope = run.record, state.g, run.system.base_slope
+    to = record.seen[kept]
+    copy(record.seen_load, to)
+    picked = record.picked[: record.stored_list.size]
+    gather_all(g, record.stored_list, picked)
+    _add_rows(picked, record.stored_rows, to)
+    picked = record.picked[: record.mode_list.size]
+    gather_all(state.q, record.mode_list, picked)
+    _add_rows(picked, record.mode_rows, to)
+    picked = record.picked[: record.law_list.size]
+    _pick_deviations(g, slope, run.work.force, record.law_list, record.law_places, picked)
+    _add_rows(picked, record.law_rows, to)
+    picked = record.picked[: record.friction_list.size]
+    gather_all(state.friction_force, record.friction_list, picked)
+    _add_rows(picked, record.friction_rows, to)
+
+
+TIME_TOLERANCE = 1e-9
+BALANCE_EVERY = 8
+"""Kept instants of a watched run from one check of its energy balance to the next."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watch:
+    """Wanted values of a run.
+
+    Attributes
+    ----------
+    laws : sequence of int
+        Whose forces are wanted at every stored instant.
+    stride : int
+        Every so many stored instants one is kept, with displacements; every `BALANCE_EVERY` of
+        these with energies.
+    whole : sequence of float
+        The first stored instants from these times on are stored whole, and the last one [s].
+    rests : sequence of float
+        The last stored instants before these times are seen too, as the last one of all is [s].
+    taken : sequence of float
+        Those of `rests` that no wait for machines postpones; the others are onsets of movements.
+    count : int
+        Number of rows that are to be seen.
+    seen : callable
+        Takes the condensed rails and returns the weights of these rows.
+    """
+
+    laws: Sequence[int]
+    stride: int
+    whole: Sequence[float]
+    rests: Sequence[float]
+    count: int
+    seen: Callable[[CondensedRails], SeenRows]
+    taken: Sequence[float] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Watched:
+    """Values of instants that a watched run does not store whole; n is the number of them all.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Stored instants [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions [m].
+    law_first, law_placed : ndarray, shape (n_laws,)
+        As of `History`.
+    stride : int
+        Of the instants that are kept.
+    seen : ndarray, shape (n_kept, n_seen)
+        Displacements every `stride` instants [m].
+    rests : ndarray of int, shape (n_rests,)
+        Numbers of the last instants before given times, and of the last one.
+    seen_rests : ndarray, shape (n_rests, n_seen)
+        Displacements at these [m].
+    laws : sequence of int
+        The watched laws.
+    effort : ndarray, shape (n_watched, n)
+        Their forces [N].
+    """
+
+    time: Floats
+    inputs: Floats
+    law_first: Floats
+    law_placed: Floats
+    stride: int
+    seen: Floats
+    rests: Ints
+    seen_rests: Floats
+    laws: Sequence[int]
+    effort: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchPlan:
+    """Which stored instants have which place in a record.
+
+    `places` are those of `StepRecord`; of what is seen the instants that are wanted regularly come
+    first. `counts` of instants are stored whole, seen, and stored with
+    energies, as the last one is; a run with machines has places for `further` ones, which it gives
+    as it goes on. `rests` are the numbers of the instants of `Watched.rests`, by the schedule.
+    """
+
+    watch: Watch
+    places: Ints
+    counts: tuple[int, int, int]
+    rests: Ints
+    further: int = 0
+
+    def whole(self, count: int) -> Ints:
+        """Return which of the first `count` instants are stored whole."""
+        return np.flatnonzero(self.places[:count, 0] >= 0)
+
+    def places_of(self, column: int, count: int) -> Ints:
+        """Return the places in a column of those of the first `count` instants that have one."""
+        rows = self.places[:count, column]
+        return rows[rows >= 0]
+
+
+def plan_watch(watch: Watch, interval: float, count: int, *, further: int = 0) -> WatchPlan:
+    """Choose the places of stored instants in the record of a watched run.
+
+    Parameters
+    ----------
+    watch : Watch
+        What is wanted.
+    interval : float
+        Time between stored instants [s].
+    count : int
+        Of stored instants.
+    further : int
+        Instants that may be given places during the run, with `give_place`.
+
+    Examples
+    --------
+    >>> watch = Watch([0], 2, [0.3], [], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
+    >>> plan = plan_watch(watch, 0.1, 7)
+    >>> whole, seen, balanced = plan.places.T.tolist()
+    >>> whole, seen
+    ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
+    >>> balanced
+    [0, -1, -1, 1, -1, -1, 2]
+    """
+    times = tuple(watch.whole), tuple(watch.rests)
+    places, counts, rests = _places(*times, watch.stride, interval, count)
+    return WatchPlan(watch, places.copy() if further else places, counts, rests, further)
+
+
+@lru_cache(maxsize=16)
+def _places(
+    wanted: tuple[float, ...], rests: tuple[float, ...], stride: int, interval: float, count: int
+) -> tuple[Ints, tuple[int, int, int], Ints]:
+    """Return all of a `WatchPlan` but what is wanted."""
+    times = interval * np.arange(count, dtype=np.float64)
+    first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
+    whole = np.array(sorted({*first[first < count].tolist(), count - 1}))
+    regular, rest = np.arange(0, count, stride), rest_instants(times, rests)
+    further = sorted({*whole.tolist(), *rest.tolist()})
+    seen = np.append(regular, np.array([at for at in further if at % stride], dtype=np.int64))
+    is_balanced = np.zeros(count, dtype=bool)
+    is_balanced[:: stride * BALANCE_EVERY] = is_balanced[whole] = True
+    balanced = np.flatnonzero(is_balanced)
+    places = np.full((count, 3), -1, dtype=np.int64)
+    for column, chosen in enumerate((whole, seen, balanced)):
+        places[chosen, column] = np.arange(chosen.size)
+    for part in (places, rest):
+        part.flags.writeable = False
+    return places, (whole.size, seen.size, balanced.size), rest
+
+
+def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
+    """Return the numbers of the last instants before some times, and of the last one.
+
+    Examples
+    --------
+    >>> rest_instants(np.array([0.0, 0.1, 0.2, 0.3]), [0.2]).tolist()
+    [1, 3]
+    """
+    before = np.searchsorted(time, np.array(rests, dtype=np.float64) - TIME_TOLERANCE) - 1
+    return np.append(np.maximum(before, 0), time.size - 1)
+
+
+# Throws that share rails share what their records hold before they begin. It is named by identity,
+# and kept beside so that nothing else takes its place.
+_templates = LRUCache[tuple[StepRecord | None, object]](128)  # some 2 kB each
+
+
+def watched_record(
+    arrays: dict[str, NDArray[Any]], plan: WatchPlan, weights: SeenWeights
+) -> StepRecord:
+    """Return the record of a watched run, copied from one of the same plan if there are more.
+
+    Parameters
+    ----------
+    arrays : dict of str to ndarray
+        Those of a record that have a row for each instant that is stored whole, or balanced; the
+        others are added.
+    plan : WatchPlan
+        Which instants these are.
+    weights : SeenWeights
+        Of what is seen.
+    """
+    arrays["effort"] = np.empty((len(plan.watch.laws), plan.places.shape[0]))
+    arrays["seen"] = empty_in_lines(plan.counts[1] + plan.further, weights.seen_load.size)
+    shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
+    shared["places"] = plan.places
+    key = (id(weights), plan.counts, tuple(plan.watch.laws))
+    kept = _templates.get(key)
+    if kept is not None and kept[0] is not None:
+        return clone_record(kept[0], **arrays, **shared)
+    nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
+    template = StepRecord(
+        **(arrays if kept is None else nothing),
+        **weights._asdict(),
+        residual=np.zeros(1),
+        places=plan.places,
+        given=np.array(plan.counts),
+        watched=np.asarray(plan.watch.laws, dtype=np.int64),
+        picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
+    )
+    made = shared_record(template)
+    _templates.put(key, (None if kept is None else made, weights))
+    return made if kept is None else clone_record(made, **arrays, **shared)
+
+
+def trim_watched(
+    record: StepRecord,
+    plan: WatchPlan,
+    *,
+    time: Floats,
+    inputs: Floats,
+    rests: Ints,
+    law_first: Floats,
+    law_placed: Floats,
+) -> Watched:
+    """Return what a run to its last instant left; of all its instants, as of `Watched`."""
+    count, regular = plan.watch.count, -(-time.size // plan.watch.stride)
+    return Watched(
+        time=time,
+        inputs=inputs,
+        law_first=law_first,
+        law_placed=law_placed,
+        stride=plan.watch.stride,
+        seen=record.seen[:regular, :count],
+        rests=rests,
+        seen_rests=record.seen[plan.places[rests, 1], :count],
+        laws=tuple(plan.watch.laws),
+        effort=record.effort[:, : time.size],
+    )
+
 
 LEAST_CACHED, MOST_CACHED = 4 * 2**20, 16 * 2**20
 """Records of these sizes are stored through the processor's caches, from which they are read in two
@@ -61,7 +484,7 @@ def empty_record(
         counts |= dict.fromkeys(("q", "g", "friction", "law"), whole)
         counts |= dict.fromkeys(("stored", "ledger"), balanced)
     total = sum(counts[name] * width for name, width in widths.items())
-    memory = _from_buffer(total) if plan is None else empty_in_lines(total)
+    memory = lines_from_buffer(total) if plan is None else empty_in_lines(total)
     at, arrays = 0, dict[str, NDArray[Any]]()
     for name, width in widths.items():
         size = counts[name] * width
@@ -81,12 +504,6 @@ def _empty_record() -> StepRecord:
     names = ("q", "g", "friction", "law", "stored", "ledger", "v")
     nothing: dict[str, Any] = dict.fromkeys(names, np.zeros((0, 0)))
     return shared_record(StepRecord(**nothing, residual=np.zeros(1)))
-
-
-def _from_buffer(count: int) -> Floats:
-    """Return an uninitialised array from `acquire_buffer` that begins at a cache line."""
-    memory = acquire_buffer(count + LANES)
-    return memory[-(address_of(memory) // 8) % LANES :]
 
 
 def trim_record(
@@ -119,3 +536,71 @@ def kept_obstructions(found: Obstructions) -> Obstructions:
     if found.law.size == 0:
         return _NO_OBSTRUCTIONS
     return Obstructions(**{name: getattr(found, name).copy() for name in Obstructions._fields})
+
+
+def interpolate_record(
+    record: StepRecord,
+    *,
+    step: float,
+    instants: Floats,
+    inputs: Floats,
+    modes: Floats,
+    laws: LawTable,
+) -> StepRecord:
+    """Interpolate a record of every step at other instants.
+
+    Parameters
+    ----------
+    record : StepRecord
+        Of every step; without velocities all of it is interpolated linearly.
+    step : float
+        Time between the rows of the record [s].
+    instants : ndarray, shape (n,)
+        Within the time of the record [s].
+    inputs : ndarray, shape (n, n_inputs)
+        Marker positions at the instants [m].
+    modes : ndarray, shape (n_rows, n_modes)
+        Modes at the rows [m per unit of `q`].
+    laws : LawTable
+        The laws as integrated, by rows of the mechanism.
+    """
+    last = record.q.shape[0] - 1
+    at = np.clip((instants / step + 1e-9).astype(np.int64), 0, max(last - 1, 0))
+    share = np.clip(instants / step - at, 0.0, 1.0)[:, np.newaxis]
+    after = np.minimum(at + 1, last)
+
+    def interpolate_linearly(values: Floats) -> Floats:
+        found: Floats = (1.0 - share) * values[at] + share * values[after]
+        return found
+
+    q, g = interpolate_linearly(record.q), interpolate_linearly(record.g)
+    if record.v.shape[0] == record.q.shape[0]:
+        change = record.q[after] - record.q[at]
+        bend = (1.0 - share) * (step * record.v[at] - change)
+        bend -= share * (step * record.v[after] - change)
+        bend *= share * (1.0 - share)
+        q += bend
+        g += bend @ modes.T
+    return record._replace(
+        q=q,
+        g=g,
+        v=record.v[:1],
+        friction=interpolate_linearly(record.friction),
+        law=_law_forces(laws, g, inputs, interpolate_linearly(record.law)),
+        stored=interpolate_linearly(record.stored),
+        ledger=interpolate_linearly(record.ledger),
+    )
+
+
+def _law_forces(laws: LawTable, g: Floats, inputs: Floats, interpolated: Floats) -> Floats:
+    """Return the forces of all laws [N]; interpolated ones for laws that appear or disappear."""
+    force = interpolated.copy()
+    always = np.isinf(laws.appears) & np.isinf(laws.disappears) & (laws.waits == 0)
+    for law in np.flatnonzero(always):
+        e = g[:, laws.row[law]] - laws.offset[law]
+        if laws.input_index[law] >= 0:
+            e = e - inputs[:, laws.input_index[law]]
+        first, end = laws.segment_start[law], laws.segment_start[law + 1]
+        at = first + np.searchsorted(laws.segment_upper[first : end - 1], e)
+        force[:, law] = laws.slope[at] * e + laws.intercept[at]
+    return force

@@ -20,7 +20,7 @@ from turnout.machine.compute.couple import (
     machines_repeat,
     try_machines,
 )
-from turnout.solver.seen import give_place
+from turnout.solver.record import give_place
 from turnout.solver.solve import CONVERGED, NOT_CONVERGED, iterate_contact_set
 from turnout.solver.state import Run, State
 from turnout.solver.system import Floats, Ints

@@ -22,9 +22,8 @@ from turnout.kernels.vector import copy
 from turnout.law.friction import STICK, branch_violated, friction_state, trials_and_limits
 from turnout.law.kernel import any_not_finite, segment_for
 from turnout.solver.columns import finish_pending, update_row
-from turnout.solver.scratch import FRICTIONS, LAWS, Work
 from turnout.solver.solution import gather_modes, solve_displacements
-from turnout.solver.state import COUNT_ITERATIONS, Run, State, set_segment
+from turnout.solver.state import COUNT_ITERATIONS, FRICTIONS, LAWS, Run, State, Work, set_segment
 from turnout.solver.system import Floats, Ints
 
 CONVERGED, NOT_CONVERGED, NOT_FINITE = 0, 1, 2

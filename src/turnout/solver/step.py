@@ -31,8 +31,8 @@ from turnout.kernels.lanes import (
     logical_or,
     store,
 )
-from turnout.solver.coupling import blocks_of
 from turnout.solver.energy import ALGORITHMIC, DAMPING
+from turnout.solver.solution import blocks_of
 from turnout.solver.state import COUNT_JOINING, UNSOLVED, Options, Run, State
 from turnout.solver.system import Floats
 

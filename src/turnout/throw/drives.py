@@ -19,8 +19,7 @@ from turnout.machine.motor_kind import nominal_voltage
 from turnout.machine.steady import shaft_travel, steady_point, torque_for
 from turnout.panel.markers import movement_time, ordered_movements
 from turnout.panel.model import Panel
-from turnout.solver.driven import MachineHistory, sum_machines
-from turnout.solver.duty import Duty
+from turnout.solver.driven import Duty, MachineHistory, sum_machines
 from turnout.solver.integration import History
 from turnout.throw.route import DirectedMovement, throws
 from turnout.throw.signals import Channel

@@ -14,7 +14,7 @@ from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.solver.condense import CondensedRails
-from turnout.solver.seen import SeenRows
+from turnout.solver.record import SeenRows
 from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows
 from turnout.throw.recovery import (
     CondensedShapes,

@@ -9,7 +9,7 @@ from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.lock_rule import DriveStates, lock_holds
 from turnout.panel.model import Panel
 from turnout.panel.place import place_name
-from turnout.solver.watch import TIME_TOLERANCE
+from turnout.solver.record import TIME_TOLERANCE
 from turnout.throw.flangeway import (
     FLANGEWAY,
     UNKNOWN,

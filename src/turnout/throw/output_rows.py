@@ -17,7 +17,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
 from turnout.kernels.row_sums import LINE, TILE, RowSums, write_row_sums
 from turnout.kernels.shared_record import address_of, shared_record
-from turnout.solver.scratch import lines_from_buffer
+from turnout.solver.state import lines_from_buffer
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -30,8 +30,8 @@ from turnout.solver.arrange import clear_memory
 from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.solver.outcome import NotConverged
+from turnout.solver.record import Watch
 from turnout.solver.start import PriorMotion
-from turnout.solver.watch import Watch
 from turnout.throw.breaking import break_attributes, peak_attributes
 from turnout.throw.compilation import WITH_MACHINES, must_compile
 from turnout.throw.save import Save

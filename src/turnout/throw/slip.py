@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.solver.duty import Duty
+from turnout.solver.driven import Duty
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import LRUCache
-from turnout.solver.followers import LARGEST_WEIGHT
+from turnout.solver.condense import LARGEST_WEIGHT
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -19,7 +19,7 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel
 from turnout.panel.lock_rule import LOCK_RULES, DriveStates
 from turnout.panel.markers import movement_time, ordered_movements
-from turnout.solver.watch import TIME_TOLERANCE
+from turnout.solver.record import TIME_TOLERANCE
 from turnout.throw.slip import last_instant_at, movements
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from turnout.measurement.chain.recorder import Recorder, clocked
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
-from turnout.solver.watch import Watch, Watched, rest_instants
+from turnout.solver.record import Watch, Watched, rest_instants
 from turnout.study.study import Study
 from turnout.study.sweep.throw_group import (
     GAPS,

@@ -16,8 +16,8 @@ from turnout.measurement.chain.recorder import PERFECT, Recorder
 from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
-from turnout.solver.duty import Duty
-from turnout.solver.watch import Watched
+from turnout.solver.driven import Duty
+from turnout.solver.record import Watched
 from turnout.throw.flangeway import DistancesFound, MovementEnds
 from turnout.throw.gaps import split_gaps_of
 from turnout.throw.lock_and_control import state_limits
