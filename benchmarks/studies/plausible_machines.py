@@ -251,7 +251,7 @@ def group_table(machines: Sequence[Plausible], rise: Floats, usual: Floats) -> I
         low, high = f"{min(slip):.2f}", f"{max(slip):.2f}"
         span = low if low == high else f"{low} to {high}"
         yield f"| {reading} | {delay} | {len(own)} | {span} A | {cells(rise[own])} |"
-    yield f"| {READINGS[1]} | by both: the library's | 1 | 1.76 A | {cells(usual)} |"
+    yield f"| {READINGS[1]} | by its gear: the library's | 1 | 1.76 A | {cells(usual)} |"
 
 
 def ranks(machines: Sequence[Plausible], rise: Floats) -> str:
@@ -304,9 +304,8 @@ def section(machines: Sequence[Plausible], rise: Floats, usual: Floats) -> list[
         f"seen for {most[0]} of {len(machines)} machines, 13 mm for {most[1]}.",
         "",
         "Contradictions: both clutches at 2 A and 6.85 kN ask for a gear of Drive 2 that loses "
-        "more than that of Drive 1; the 0.2 s are of the return alone in the paper, while a gear "
-        "takes them both ways; and the library's machines take them twice, by ratio and by "
-        "`movement.return.extra_time` of the panel, so Drive 2 ends 0.4 s after Drive 1.",
+        "more than that of Drive 1; and the 0.2 s are of the return alone in the paper, while a "
+        "gear, that of the library's Drive 2 too, takes them both ways.",
     ]
 
 

@@ -27,7 +27,7 @@ from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit, fit
 from turnout.core.errors import TurnoutError
 
 Floats = NDArray[np.float64]
-SEED = 20261201
+SEED = 20261202
 THROWS, FREE = 120, 8
 RATED, SUPPLY = 380.0, 391.0
 RATE, STEP = 25.0, 1e-3

@@ -99,6 +99,10 @@ def test_the_circuit_is_that_of_its_phasors() -> None:
         u, p, i = point(e, rotor)
         # I_r = p_i/E of the circuit is its active part: within 1e-4 of the phasor's
         assert circuit.current_at(np.array([u]), np.array([p]))[0] == pytest.approx(i, rel=3e-4)
+        # in an inrush: E over the rotor's current, R_r/s + j X_l
+        z = circuit.rotor_impedances(np.array([u]), np.array([i]), np.array([p]))[1][0]
+        assert z.real == pytest.approx(math.sqrt((e / rotor) ** 2 - x_l**2), rel=2e-3)
+        assert z.imag == pytest.approx(x_l, rel=0.02)
 
 
 def test_what_voltage_current_and_power_tell() -> None:

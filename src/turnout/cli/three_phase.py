@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from turnout.calibration.machine_estimates.current_fit import Estimate, NotIdentified
     from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit
 
-QUANTITIES = ("current", "per_volt", "per_watt", "resistance", "saturation", "loss")
+QUANTITIES = ("current", "per_volt", "per_watt", "resistance", "saturation", "loss", "rotor")
 THREE_PHASE_UNITS = {
     **{"voltage": "V", "rated_voltage": "V", "power": "W", "current": "A", "per_volt": "A/V"},
     **{"per_watt": "A/W", "resistance": "ohm", "loss": "W", "leakage": "ohm"},
@@ -68,6 +68,7 @@ def _rows(fit: "ThreePhaseFit") -> Iterator[tuple[str, str]]:
             f"{fit.leakage.value:.1f} ohm ± {fit.leakage.deviation:.1f} allowed for, by "
             f"{f'{fit.leakage.count} inrushes' if fit.leakage.count > 1 else 'assumption'}",
         )
+    yield "rotor", _stated(fit.rotor, "ohm", 1, what="")
     yield "verdict", fit.verdict
 
 

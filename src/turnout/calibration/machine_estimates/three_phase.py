@@ -139,6 +139,8 @@ class ThreePhaseFit:
         Iron plus mechanical loss, from throws with the rod off [W].
     leakage : Estimate or None
         Reactance that was allowed for, with its deviation: no result [ohm].
+    rotor : NotIdentified
+        How large the rotor resistance can be, as an inrush has it over a slip of at most 1.
     left : tuple of float
         Scatter of throw means that the circuit and the straight line leave [A]; NaN without.
     departures : tuple of Departure
@@ -160,6 +162,7 @@ class ThreePhaseFit:
     saturation: Estimate | NotIdentified
     loss: Estimate | NotIdentified
     leakage: Estimate | None
+    rotor: NotIdentified
     left: tuple[float, float]
     departures: tuple[Departure, ...]
     starts: tuple[int, int]
@@ -195,7 +198,8 @@ class ThreePhaseFit:
 NOT_SEPARATED = (
     "line and stator resistance: only their sum is seen, at the copper's mean temperature",
     "iron loss, drag, friction and load: all are power behind that resistance",
-    "rotor resistance from slip: a running current does not depend on either",
+    "rotor resistance from slip: a running current does not depend on either, and durations show "
+    "the slip of a percent or two to no better than a third of it",
     "leakage reactance while running: it is taken from the inrush, or assumed",
 )
 
@@ -514,6 +518,7 @@ def fit_throws(
         saturation=without,
         loss=without,
         leakage=None,
+        rotor=NO_INRUSH,
         left=(math.nan, math.nan),
         departures=(),
         starts=(0, 0),
@@ -548,7 +553,7 @@ def _with_circuit(
 ) -> ThreePhaseFit:
     """Return what voltage, current and power tell."""
     u, p, count = fit.voltage, fit.power, fit.throws
-    fitted, same, leakage = _circuit(blocks, throws, (u, p), line)
+    fitted, same, leakage, rotor = _circuit(blocks, throws, (u, p), line)
 
     current, per_volt = _over_throws(fitted, blocks, (u, p), fit.rated_voltage)
     return replace(
@@ -560,6 +565,7 @@ def _with_circuit(
         saturation=_stated(fitted, 2, count, most=MOST_SATURATION),
         loss=_loss(throws, free, fitted.parameter(1, count)),
         leakage=leakage,
+        rotor=rotor,
         left=(_rms(fitted.left), _rms(line.left)),
         departures=tuple(_departures(blocks, fitted.left)),
         starts=(same, len(STARTS)),
@@ -592,8 +598,8 @@ def _circuit_of(x: Floats, voltage: float, power: float) -> SupplyCircuit:
 
 def _circuit(
     blocks: _Blocks, throws: Sequence[ThrowMeans], point: tuple[float, float], line: _Fitted
-) -> tuple[_Fitted, int, Estimate]:
-    """Return the circuit I_0, R, n, X_l, delta; how many starts ended at it; X_l as allowed for.
+) -> tuple[_Fitted, int, Estimate, NotIdentified]:
+    """Return the circuit I_0, R, n, X_l, delta; how many starts ended at it; X_l; the rotor's R.
 
     The leakage is assumed first and, where most throws resolve their inrush, taken from them by the
     circuit so found. The running currents do not choose it: a main branch that bends otherwise than
@@ -601,7 +607,7 @@ def _circuit(
     """
     current, most = float(line.values[0]), _largest_resistance(point[1], line)
     assumed = LEAKAGE_SHARE * point[0] / (math.sqrt(3.0) * current)
-    leakage = Estimate.of(assumed, LEAKAGE_SPREAD * assumed, 1)
+    leakage, rotor = Estimate.of(assumed, LEAKAGE_SPREAD * assumed, 1), NO_INRUSH
     bounds = (
         np.array([0.5 * current, 0.0, 0.5, -np.inf]),
         np.array([1.5 * current, most, MOST_SATURATION, np.inf]),
@@ -620,7 +626,8 @@ def _circuit(
     resolved = len(inrush) >= max(LEAST_THROWS, LEAST_RESOLVED * len(throws))
     for _ in range(2 if resolved else 0):
         circuit = _circuit_of(np.insert(fitted.values, 3, leakage.value), *point)
-        leakage = _leakage(circuit, inrush)
+        resistance = fitted.parameter(1, len(throws))
+        leakage, rotor = _rotor_branch(circuit, inrush, resistance.high - resistance.value)
         fitted, _ = fit([fitted.values], leakage.value)
     moved, _ = fit([fitted.values], leakage.value + leakage.deviation)
     change = np.insert(moved.values - fitted.values, 3, leakage.deviation)
@@ -630,19 +637,26 @@ def _circuit(
         values=np.insert(fitted.values, 3, leakage.value),
         covariance=inner + np.outer(change, change),
     )
-    return whole, same, leakage
+    return whole, same, leakage, rotor
 
 
-def _leakage(circuit: SupplyCircuit, inrush: Floats) -> Estimate:
-    """Return the leakage reactance by inrushes, shape (n, 3) of voltage, current and power [ohm].
+def _rotor_branch(
+    circuit: SupplyCircuit, inrush: Floats, margin: float
+) -> tuple[Estimate, NotIdentified]:
+    """Return leakage reactance [ohm] and the bound of the rotor resistance by inrushes.
 
-    A sample that began before the contactor closed shows too much reactance: the least tenth of
-    the throws has the samples that lie within the inrush.
+    Inrushes have voltage, current and power, shape (n, 3); the bound is larger by what the stator's
+    resistance may be off, the `margin` [ohm]. A sample that began before the contactor
+    closed, or lasted while the motor ran up, shows too much of both: the least tenth of the throws
+    has the samples that lie within the inrush.
     """
-    least, most = (np.quantile(x, 0.1) for x in circuit.leakage_of(*inrush.T))
-    value = 0.5 * float(least + most)
-    deviation = math.hypot(0.3 * float(most - least), INRUSH_SPREAD * value)
-    return Estimate.of(value, deviation, len(inrush))
+    branches = circuit.rotor_impedances(*inrush.T)
+    least, most = (float(np.quantile(branch.imag, 0.1)) for branch in branches)
+    value = 0.5 * (least + most)
+    deviation = math.hypot(0.3 * (most - least), INRUSH_SPREAD * value)
+    largest = margin + max(float(np.quantile(branch.real, 0.1)) for branch in branches)
+    reason = f"at most {largest:.1f} ohm, its quotient by the slip in the inrush"
+    return Estimate.of(value, deviation, len(inrush)), NotIdentified(reason=reason)
 
 
 def _largest_resistance(power: float, line: _Fitted) -> float:
@@ -669,6 +683,7 @@ def _or_not(found: Estimate) -> Estimate | NotIdentified:
     )
 
 
+NO_INRUSH = NotIdentified(reason="no inrush lasts two samples in half of the throws")
 NO_POINT = NotIdentified(reason="the circuit has no such point")
 ONE_VOLTAGE = NotIdentified(reason="all throws have the same voltage; others are needed")
 
@@ -678,7 +693,8 @@ def _over_throws(
 ) -> tuple[Estimate | NotIdentified, Estimate | NotIdentified]:
     """Return the current at the rated voltage, and the slope with the voltage.
 
-    Half of what the bend of the circuit adds on the way to the rated voltage is not known.
+    Half of what the bend of the circuit adds on the way to the rated voltage is not known: either
+    end of that range is as likely as any place between.
     """
     across = blocks.mean(blocks.voltage)
     across, way, count = across - across.mean(), rated_voltage - point[0], blocks.count
@@ -703,7 +719,7 @@ def _over_throws(
         float(there) + more * way + float(fitted.left.mean()),
         math.hypot(of_slope * way, of_level),
         count,
-        common=0.5 * abs(bend),
+        common=abs(bend) / math.sqrt(12.0),
     )
     known = ONE_VOLTAGE if alike else _or_not(Estimate.of(slope + more, of_slope, count))
     return _or_not(current), known

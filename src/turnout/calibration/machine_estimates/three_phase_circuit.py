@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 SOLVED = 1e-12
 """Newton's steps end below this share of the reactive current [-]."""
@@ -94,23 +95,26 @@ class SupplyCircuit:
         rotor = (p - self.resistance * self.current**2) / e
         return e, u * b - self.leakage * rotor**2, b
 
-    def leakage_of(self, voltage: Floats, current: Floats, power: Floats) -> tuple[Floats, Floats]:
-        """Return least and largest leakage reactance from the power of an inrush [ohm].
+    def rotor_impedances(
+        self, voltage: Floats, current: Floats, power: Floats
+    ) -> tuple[Complexes, Complexes]:
+        """Return R_r/s + j X_l of the rotor's branch from the power of an inrush [ohm].
 
-        The voltage behind R is low then: the main branch takes at most what it would without
-        saturation, and at least what it takes by n.
+        The voltage behind R is low then: the main branch takes at least what it does by n, and at
+        most what it would without saturation.
 
         Parameters
         ----------
         voltage, current, power : ndarray, shape (n,)
             Between lines [V], of a line [A], active, of all phases [W].
+
+        Returns
+        -------
+        without_saturation, by_saturation : ndarray of complex, shape (n,)
         """
         e_0, q_m, _ = self._reference()
         p = power / 3.0 - self.resistance * current**2
         q = np.sqrt(np.maximum((voltage / math.sqrt(3.0) * current) ** 2 - (power / 3.0) ** 2, 0.0))
         e = np.hypot(p, q) / current
-        least, most = (
-            rotor * e**2 / (p**2 + rotor**2)
-            for rotor in (q - q_m * (e / e_0) ** k for k in (2.0, self.saturation + 1.0))
-        )
-        return np.asarray(least), np.asarray(most)
+        one, other = (q - q_m * (e / e_0) ** k for k in (2.0, self.saturation + 1.0))
+        return np.asarray(e**2 / (p - 1j * one)), np.asarray(e**2 / (p - 1j * other))
