@@ -11,8 +11,6 @@ from turnout.metric.agreement import (
     repeat_groups,
     repeat_spread,
     rms_difference,
-    rms_over_movements,
-    stacked_forces,
 )
 from turnout.metric.channel_features import build_up_slope, channel_features, contact_time
 
@@ -25,17 +23,6 @@ def channels(values: object) -> xr.DataArray:
     return xr.DataArray(array, time, DIMS)
 
 
-def test_forces_stand_side_by_side_whatever_the_order_of_their_dimensions() -> None:
-    rods = xr.DataArray(
-        np.arange(12.0).reshape(2, 3, 2), {"drive": ["1", "2"]}, ("drive", "time", "movement")
-    )
-    cell = xr.DataArray(np.full((2, 3), 7.0), dims=("movement", "time"))
-    joined = stacked_forces(xr.Dataset({"drive_force": rods, "object_force": cell}))
-    assert joined["channel"].values.tolist() == ["drive 1", "drive 2", "object"]
-    assert joined.sel(channel="drive 2").values[1].tolist() == [7.0, 9.0, 11.0]
-    assert (joined.sel(channel="object") == 7.0).all()
-
-
 def test_errors_count_where_there_is_a_measurement() -> None:
     measured = channels([[[0.0, 2.0, np.nan], [np.nan] * 3], [[10.0, -20.0, 0.0], [1.0] * 3]])
     predicted = channels([[[3.0, 6.0, 99.0], [1.0] * 3], [[10.0, -20.0, 0.0], [3.0] * 3]])
@@ -44,7 +31,6 @@ def test_errors_count_where_there_is_a_measurement() -> None:
     assert np.isnan(rms.values[0, 1])
     assert channel_scale(measured).values.tolist() == [2.0, 20.0]
     assert nrmse(measured, predicted).values[1].tolist() == [0.0, 0.1]
-    assert rms_over_movements(rms).values == pytest.approx([np.sqrt(12.5), np.sqrt(2.0)])
 
 
 def test_only_what_the_sheet_calls_equal_is_a_repeat() -> None:

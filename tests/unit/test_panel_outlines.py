@@ -9,7 +9,7 @@ from turnout.beam.rail_outlines import planed_rail
 from turnout.beam.section_analysis import analyse_outlines
 from turnout.core.errors import MechanicsError, PanelError
 from turnout.mechanism.build import build_mechanism
-from turnout.mechanism.build_rails import foot_points, stock_rail_data, switch_rail_data
+from turnout.mechanism.build_rails import rail_feet, stock_rail_data, switch_rail_data
 from turnout.mechanism.rail_sections import foot_spans, section_values, station_columns
 from turnout.panel.load import LoadedPanel, library_text, load_panel
 
@@ -85,24 +85,24 @@ def test_the_other_rail_is_the_mirror_image() -> None:
 def test_feet_follow_the_underside_and_narrow_towards_the_toe() -> None:
     widths = []
     for chair in DEFAULT.chair.values():
-        near, far = foot_points(DEFAULT, "straight", chair)
+        near, far = rail_feet(DEFAULT, "straight", {"": chair})[""]
         assert far.y == pytest.approx(-0.0438, abs=1e-4)
         widths.append(near.y - far.y)
     assert widths[0] == pytest.approx(0.0713, abs=2e-4)
     assert widths[-1] == pytest.approx(0.1397, abs=2e-4)
     assert np.all(np.diff(widths) >= 0)
-    mirrored = foot_points(DEFAULT, "curved", DEFAULT.chair["1"])
+    mirrored = rail_feet(DEFAULT, "curved", {"": DEFAULT.chair["1"]})[""]
     assert [p.y for p in mirrored] == [
-        -p.y for p in foot_points(DEFAULT, "straight", DEFAULT.chair["1"])
+        -p.y for p in rail_feet(DEFAULT, "straight", {"": DEFAULT.chair["1"]})[""]
     ]
 
 
 def test_given_feet_stay_as_given_and_a_table_has_one_foot() -> None:
     own = DEFAULT.with_overrides({"chair.foot_offsets": [0.01, -0.03]})
-    assert [p.y for p in foot_points(own, "straight", own.chair["3"])] == [0.01, -0.03]
-    assert [p.y for p in foot_points(own, "curved", own.chair["3"])] == [-0.01, 0.03]
+    assert [p.y for p in rail_feet(own, "straight", {"": own.chair["3"]})[""]] == [0.01, -0.03]
+    assert [p.y for p in rail_feet(own, "curved", {"": own.chair["3"]})[""]] == [-0.01, 0.03]
     table = load_panel("sb1")
-    assert [p.y for p in foot_points(table, "switch", table.chair["3"])] == [0.0]
+    assert [p.y for p in rail_feet(table, "switch", {"": table.chair["3"]})[""]] == [0.0]
 
 
 def test_fastenings_act_in_the_middle_of_the_underside() -> None:

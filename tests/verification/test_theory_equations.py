@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from tests.verification.hand_made import LEDGER, STORED, hand_made, linear_spring, run
 
-from turnout.beam.element import element_gravity_load, element_mass, element_stiffness
+from turnout.beam.element import element_matrices
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_record import SectionProperties
 from turnout.calibration.comparison import Noise
@@ -93,9 +93,8 @@ class Element:
 
 def test_the_beam_is_that_of_its_page() -> None:
     sections = SectionProperties(**{name: np.array([value]) for name, value in SKEW.items()})
-    stiffness = element_stiffness([SPAN], sections, STEEL)[0]
-    mass = element_mass([SPAN], sections, STEEL)[0]
-    load = element_gravity_load([SPAN], sections, STEEL, gravity=WEIGHT)[0]
+    formed = element_matrices([SPAN], sections, STEEL, gravity=WEIGHT)
+    stiffness, mass, load = (of_all[0] for of_all in formed)
     for u in np.random.default_rng(1).standard_normal((5, 12)):
         by_hand = Element(u)
         kinetic, work = by_hand.integrals()

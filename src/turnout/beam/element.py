@@ -78,92 +78,10 @@ def element_matrices(
     *,
     gravity: float = 9.81,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Form stiffness, mass and load of elements at once, which is quicker than one by one.
-
-    Parameters
-    ----------
-    length, sections, material, gravity
-        As for `element_stiffness`, `element_mass` and `element_gravity_load`.
-
-    Returns
-    -------
-    stiffness, mass : ndarray, shape (n, 12, 12)
-    load : ndarray, shape (n, 12)
-    """
-    span = np.asarray(length, dtype=float)[:, None, None]
-    flexure = _flexure(span, sections, material)
-    offsets = offset_transformation(sections)
-    shapes = _shape_functions(span, sections, flexure)
-    return (
-        _symmetrise(_congruence(offsets, _stiffness(span, sections, material, flexure))),
-        _symmetrise(_congruence(offsets, _mass(span, sections, material, shapes))),
-        _gravity_load(span, sections, material.density * gravity, shapes, offsets),
-    )
-
-
-def element_stiffness(
-    length: npt.ArrayLike, sections: SectionProperties, material: ElasticMaterial
-) -> FloatArray:
-    """Form element stiffness matrices on the reference line.
-
-    Parameters
-    ----------
-    length : array_like, shape (n,)
-        Element lengths [m].
-    sections : SectionProperties, shape (n,)
-        Constant over each element.
-    material : Material
-        Of all elements.
-
-    Returns
-    -------
-    ndarray, shape (n, 12, 12)
-        Symmetric, with six rigid-body modes each [N/m, N, N m].
-
-    Examples
-    --------
-    >>> steel = ElasticMaterial(youngs_modulus=2e11, poisson_ratio=0.25, density=7850.0)
-    >>> one, nil = np.ones(1), np.zeros(1)
-    >>> section = SectionProperties(1e-2 * one, *[1e-5 * one] * 2, nil, *[one] * 3, *[nil] * 4)
-    >>> float(element_stiffness([2.0], section, steel)[0, 0, 0]) / 1e9  # E A / L
-    1.0
-    """
-    return element_matrices(length, sections, material)[0]
-
-
-def element_mass(
-    length: npt.ArrayLike, sections: SectionProperties, material: ElasticMaterial
-) -> FloatArray:
-    """Form consistent element mass matrices on the reference line.
+    """Form stiffness, consistent mass and consistent load of elements on the reference line.
 
     Translational inertia acts at the centroid; rotary inertia (I_y, I_z, I_yz and the polar sum
-    about x) is included. The displacements are those of `element_stiffness`, shear included.
-
-    Parameters
-    ----------
-    length : array_like, shape (n,)
-        Element lengths [m].
-    sections : SectionProperties, shape (n,)
-        Constant over each element.
-    material : Material
-        Of all elements.
-
-    Returns
-    -------
-    ndarray, shape (n, 12, 12)
-        Symmetric, positive definite [kg, kg m, kg m^2].
-    """
-    return element_matrices(length, sections, material)[1]
-
-
-def element_gravity_load(
-    length: npt.ArrayLike,
-    sections: SectionProperties,
-    material: ElasticMaterial,
-    *,
-    gravity: float = 9.81,
-) -> FloatArray:
-    """Form consistent nodal loads of the elements' own weight.
+    about x) is included. Mass and load have the displacements of the stiffness, shear included.
 
     Parameters
     ----------
@@ -174,15 +92,34 @@ def element_gravity_load(
     material : Material
         Of all elements.
     gravity : float
-        Acceleration [m/s^2]; a positive value pulls along -z. The weight acts at the centroid, so a
-        lateral offset of it gives a torque.
+        Acceleration of the elements' own weight [m/s2].
 
     Returns
     -------
-    ndarray, shape (n, 12)
-        Forces [N] and moments [N m] on the nodes.
+    stiffness : ndarray, shape (n, 12, 12)
+        Symmetric, with six rigid-body modes each [N/m, N, N m].
+    mass : ndarray, shape (n, 12, 12)
+        Symmetric, positive definite [kg, kg m, kg m^2].
+    load : ndarray, shape (n, 12)
+        Nodal forces and moments of the weight [N, N m].
+
+    Examples
+    --------
+    >>> steel = ElasticMaterial(youngs_modulus=2e11, poisson_ratio=0.25, density=7850.0)
+    >>> one, nil = np.ones(1), np.zeros(1)
+    >>> section = SectionProperties(1e-2 * one, *[1e-5 * one] * 2, nil, *[one] * 3, *[nil] * 4)
+    >>> float(element_matrices([2.0], section, steel)[0][0, 0, 0]) / 1e9  # E A / L
+    1.0
     """
-    return element_matrices(length, sections, material, gravity=gravity)[2]
+    span = np.asarray(length, dtype=float)[:, None, None]
+    flexure = _flexure(span, sections, material)
+    offsets = offset_transformation(sections)
+    shapes = _shape_functions(span, sections, flexure)
+    return (
+        _symmetrise(_congruence(offsets, _stiffness(span, sections, material, flexure))),
+        _symmetrise(_congruence(offsets, _mass(span, sections, material, shapes))),
+        _gravity_load(span, sections, material.density * gravity, shapes, offsets),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

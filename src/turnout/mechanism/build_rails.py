@@ -236,11 +236,6 @@ def object_ends(panel: Panel, item: PlacedObject) -> list[tuple[str, Point]]:
     return ends
 
 
-def foot_points(panel: Panel, name: str, chair: Chair) -> tuple[Point, ...]:
-    """Return the points of a switch rail's underside that a chair carries; see `rail_feet`."""
-    return rail_feet(panel, name, {"": chair})[""]
-
-
 def rail_feet(panel: Panel, name: str, chairs: Mapping[str, Chair]) -> dict[str, tuple[Point, ...]]:
     """Return the points of a switch rail's underside that chairs carry, as vertical rows.
 

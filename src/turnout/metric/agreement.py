@@ -12,37 +12,6 @@ FORCES = ("drive_force", "object_force")
 OBJECT = "object"
 
 
-def stacked_forces(dataset: xr.Dataset) -> xr.DataArray:
-    """Return the forces of movements side by side: each drive's, then the object's.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Movements, measured or simulated: `drive_force` (movement, drive, time), and `object_force`
-        (movement, time) where there is one.
-
-    Returns
-    -------
-    xarray.DataArray, dims (channel, movement, time)
-        [N]; channels "drive 1", "drive 2", ..., "object"; NaN where nothing was measured.
-
-    Examples
-    --------
-    >>> dims = ("movement", "drive", "time")
-    >>> forces = xr.DataArray(np.ones((1, 2, 3)), {"drive": ["1", "2"]}, dims)
-    >>> stacked_forces(xr.Dataset({"drive_force": forces}))["channel"].values.tolist()
-    ['drive 1', 'drive 2']
-    """
-    drives = dataset["drive_force"].transpose("drive", "movement", "time")
-    names = [f"drive {name}" for name in dataset["drive"].values]
-    parts = [drives.rename(drive="channel").assign_coords(channel=names)]
-    if "object_force" in dataset:
-        on_object = dataset["object_force"].transpose("movement", "time")
-        parts.append(on_object.expand_dims(channel=[OBJECT]))
-    joined = xr.concat(parts, "channel", coords="minimal", compat="override", join="override")
-    return joined.assign_attrs(units="N", long_name="forces").rename("force")
-
-
 def channel_scale(measured: xr.DataArray) -> xr.DataArray:
     """Return the largest force of each channel in a campaign, to which errors are related.
 
@@ -96,18 +65,6 @@ def nrmse(measured: xr.DataArray, predicted: xr.DataArray) -> xr.DataArray:
     0.4419
     """
     return rms_difference(measured, predicted) / channel_scale(measured)
-
-
-def rms_over_movements(values: xr.DataArray) -> xr.DataArray:
-    """Return the root of the mean square over movements; those without a value do not count.
-
-    Examples
-    --------
-    >>> values = xr.DataArray([[3.0, 4.0, np.nan]], dims=("channel", "movement"))
-    >>> round(float(rms_over_movements(values)[0]), 4)
-    3.5355
-    """
-    return cast("xr.DataArray", np.sqrt((values**2).mean("movement")))
 
 
 def repeat_groups(dataset: xr.Dataset) -> list[list[int]]:

@@ -48,30 +48,10 @@ class PlaceSeen:
     known_pod: float | None = None
 
 
-def blade_map(dataset: xr.Dataset, size: float, *, channel: str = BOTH) -> list[PlaceSeen]:
-    """Return the visibility of objects of one size along the blade, from the toe on.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        A file of `turnout limit -o`, read by `turnout.open_response`; its `kind` is "limit".
-    size : float
-        Of the object [m].
-    channel : str
-        One of `dataset["channel"]`.
-
-    Raises
-    ------
-    ResponseError
-        For another dataset, or a channel that it does not have.
-    """
-    return blade_maps(dataset, [size], channel=channel)[0]
-
-
 def blade_maps(
     dataset: xr.Dataset, sizes: Sequence[float] | Floats, *, channel: str = BOTH
 ) -> list[list[PlaceSeen]]:
-    """Return the `blade_map` for each of some sizes.
+    """Return the visibility of objects along the blade, from the toe on, for each of some sizes.
 
     Parameters
     ----------

@@ -102,17 +102,6 @@ class Constraint:
     probability: float
 
 
-def error_distribution(u: Floats, link: str) -> Floats:
-    """Return the probability that an error lies below some values.
-
-    Examples
-    --------
-    >>> error_distribution(np.array([0.0]), "logit").tolist()
-    [0.5]
-    """
-    return np.asarray(expit(u) if link == "logit" else ndtr(u))
-
-
 def quantile(probability: float, link: str) -> float:
     """Return the value below which an error lies with a probability."""
     if link == "logit":
