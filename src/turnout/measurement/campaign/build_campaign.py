@@ -68,33 +68,32 @@ def stack_movements(
         `object_force` where no load cell was mounted.
     """
     rate = round(members[0][1].rate, 3)
-    starts = [_onset_sample(piece) for _, piece in members]
+    pieces = [piece for _, piece in members]
+    starts = [
+        round((piece.throw.onset - float(piece.dataset["time"][0])) * piece.rate)
+        for piece in pieces
+    ]
     before = max(starts)
-    after = max(
-        piece.dataset.sizes["time"] - start
-        for (_, piece), start in zip(members, starts, strict=True)
-    )
+    after = max(p.dataset.sizes["time"] - start for p, start in zip(pieces, starts, strict=True))
     time = (np.arange(before + after) - before) / rate
-    drives = list(
-        dict.fromkeys(str(name) for _, piece in members for name in piece.dataset["drive"].values)
-    )
+    drives = list(dict.fromkeys(str(d) for piece in pieces for d in piece.dataset["drive"].values))
     variables: dict[str, Any] = {}
-    for name in MEASURED:
-        if not any(name in piece.dataset for _, piece in members):
-            continue
-        rows = 1 if name == "object_force" else len(drives)
-        raw = np.full((len(members), rows, time.size), np.nan)
+    for name in (name for name in MEASURED if any(name in piece.dataset for piece in pieces)):
+        flat = name == "object_force"
+        raw = np.full((len(members), 1 if flat else len(drives), time.size), np.nan)
         smooth = np.full_like(raw, np.nan)
         for number, ((run, piece), start) in enumerate(zip(members, starts, strict=True)):
-            if name not in piece.dataset or (name == "object_force" and not run.load_cell):
+            if name not in piece.dataset or (flat and not run.load_cell):
                 continue
-            values = _of_drives(piece.dataset[name], drives)
+            channel = piece.dataset[name]
+            if not flat:
+                channel = channel.reindex(drive=drives).transpose("drive", "time")
+            values = np.atleast_2d(channel.values)
             place = slice(before - start, before - start + values.shape[-1])
             raw[number, :, place] = values
             for row, line in enumerate(values):
                 smooth[number, row, place] = moving_average(line, rate=rate)
-        dims = ("movement", "time") if name == "object_force" else ("movement", "drive", "time")
-        flat = name == "object_force"
+        dims = ("movement", "time") if flat else ("movement", "drive", "time")
         variables[name] = (dims, smooth[:, 0] if flat else smooth)
         variables[f"{name}_unfiltered"] = (dims, raw[:, 0] if flat else raw)
     coordinates = {"time": time, "drive": np.array(drives), **_coordinates(members, slipped)}
@@ -106,37 +105,22 @@ def _coordinates(
 ) -> dict[str, Any]:
     """Return the coordinates of each movement from the sheet and the recordings."""
     runs, pieces = zip(*members, strict=True)
-    known = [
-        bool(run.slip) if measured is None else measured
-        for run, measured in zip(runs, slipped, strict=True)
-    ]
     columns: dict[str, Any] = {
         "direction": [run.direction for run in runs],
         "size": [float(run.size) for run in runs],
         "place": [run.place for run in runs],
         "repeat": np.array([run.repeat for run in runs], dtype=np.int64),
-        "slipped": known,
+        "slipped": [
+            bool(run.slip) if measured is None else measured
+            for run, measured in zip(runs, slipped, strict=True)
+        ],
         "remark": [run.remark for run in runs],
         "file": [run.file for run in runs],
         "start_time": [piece.start_time for piece in pieces],
         "onset": [piece.throw.onset for piece in pieces],
     }
-    named: dict[str, Any] = {
-        key: ("movement", np.asarray(values)) for key, values in columns.items()
-    }
+    named = {key: ("movement", np.asarray(values)) for key, values in columns.items()}
     return {"movement": np.array([run.name for run in runs]), **named}
-
-
-def _onset_sample(piece: RecordedThrow) -> int:
-    """Return the number of the sample at the onset of a movement."""
-    return round((piece.throw.onset - float(piece.dataset["time"][0])) * piece.rate)
-
-
-def _of_drives(channel: xr.DataArray, drives: Sequence[str]) -> np.ndarray:
-    """Return a row a drive, NaN for a drive that the channel lacks; one row without drives."""
-    if "drive" not in channel.dims:
-        return np.atleast_2d(channel.values)
-    return np.asarray(channel.reindex(drive=list(drives)).transpose("drive", "time").values)
 
 
 CHANNEL_FILE = "channels.toml"
@@ -152,6 +136,10 @@ class Excluded:
 
     run: SheetRow
     reasons: tuple[str, ...]
+
+
+Usable = tuple[SheetRow, RecordedThrow, ThrowQuality]
+"""A movement of the dataset."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,24 +233,12 @@ def build_campaign_dataset(
         detection=detection,
         report=report,
     )
-    judged = _verdicts(sheet.runs, pieces, channel_map, limits=limits)
-    living = [without_dead_rods(*pair) for pair in zip(pieces, judged, strict=True)]
-    pieces, verdicts = [piece for piece, _ in living], [found for _, found in living]
-    excluded = tuple(
-        Excluded(run, _reasons(found))
-        for run, found in zip(sheet.runs, verdicts, strict=True)
-        if isinstance(found, TurnoutError) or not found.usable
-    )
+    usable, excluded = _judged(sheet.runs, pieces, channel_map, limits=limits)
     if strict and excluded:
         problems = [
             f"{item.run.where}: {item.run.name}: {'; '.join(item.reasons)}" for item in excluded
         ]
         raise MeasurementError(problems, source=str(folder))
-    usable = [
-        (run, piece, found)
-        for run, piece, found in zip(sheet.runs, pieces, verdicts, strict=True)
-        if isinstance(piece, RecordedThrow) and isinstance(found, ThrowQuality) and found.usable
-    ]
     slipped = slipped_movements([piece for _, piece, _ in usable])
     dataset = _dataset(usable, slipped, sheet, channel_map, excluded) if usable else None
     remarks = [
@@ -271,7 +247,7 @@ def build_campaign_dataset(
         *_remarks(usable, slipped),
         *([UNCHECKED] if dataset is not None and _may_be_exchanged(dataset) else []),
     ]
-    return BuiltCampaign(dataset, sheet, excluded, tuple(remarks), reused)
+    return BuiltCampaign(dataset, sheet, tuple(excluded), tuple(remarks), reused)
 
 
 def _pieces(
@@ -289,31 +265,33 @@ def _pieces(
         members.setdefault(run.file, []).append(number)
     pieces: dict[int, RecordedThrow | TurnoutError] = {}
     reused = 0
-    if report is not None:
-        report(0, len(runs))
+    report = report or (lambda done, total: None)
+    report(0, len(runs))
     for numbers in members.values():
-        members_of_file = [runs[number] for number in numbers]
         found = recorded_throws(
-            folder, members_of_file, channel_map, allow_outside=allow_outside, detection=detection
+            folder,
+            [runs[number] for number in numbers],
+            channel_map,
+            allow_outside=allow_outside,
+            detection=detection,
         )
         for number, (piece, known) in zip(numbers, found, strict=True):
             pieces[number] = piece
             reused += known
-            if report is not None:
-                report(len(pieces), len(runs))
+            report(len(pieces), len(runs))
     return [pieces[number] for number in range(len(runs))], reused
 
 
-def _verdicts(
+def _judged(
     runs: Sequence[SheetRow],
     pieces: Sequence[RecordedThrow | TurnoutError],
     channel_map: ChannelMap,
     *,
     limits: Limits | None,
-) -> list[ThrowQuality | TurnoutError]:
+) -> tuple[list[Usable], list[Excluded]]:
     """Judge each movement against the rest of the campaign."""
     good = [
-        (run, piece)
+        (run.direction, piece)
         for run, piece in zip(runs, pieces, strict=True)
         if isinstance(piece, RecordedThrow)
     ]
@@ -321,41 +299,39 @@ def _verdicts(
     usual = max(set(rates), key=rates.count) if rates else None
     profiles: dict[str, list[ForceProfile]] = {}
     levels: dict[tuple[str, int], list[NDArray[np.float64]]] = {}
-    for run, piece in good:
+    for direction, piece in good:
         profile = early_profile(piece.dataset, piece.throw)
         if profile is not None and profile.forces.shape[0] == piece.dataset.sizes["drive"]:
-            profiles.setdefault(run.direction, []).append(profile)
-        level = open_level(piece.dataset, piece.throw, direction=run.direction)
+            profiles.setdefault(direction, []).append(profile)
+        level = open_level(piece.dataset, piece.throw, direction=direction)
         if level is not None:
-            levels.setdefault((run.direction, level.size), []).append(level)
+            levels.setdefault((direction, level.size), []).append(level)
     typical = {direction: typical_profile(found) for direction, found in profiles.items()}
     # Two that differ do not show which of them is off.
     usual_levels = {
         key: np.median(found, axis=0) for key, found in levels.items() if len(found) >= 3
     }
-    verdicts: list[ThrowQuality | TurnoutError] = []
-    for run, found in zip(runs, pieces, strict=True):
-        if not isinstance(found, RecordedThrow):
-            verdicts.append(found)
+    usable: list[Usable] = []
+    excluded: list[Excluded] = []
+    for run, piece in zip(runs, pieces, strict=True):
+        if isinstance(piece, TurnoutError):
+            problems = piece.problems if isinstance(piece, ListedError) else (str(piece),)
+            excluded.append(Excluded(run, problems))
             continue
         expected = Expected(
             direction=run.direction,
             load_cell=run.load_cell and channel_map.object_force is not None,
             rate=usual,
             profile=typical.get(run.direction),
-            open_level=usual_levels.get((run.direction, found.dataset.sizes["drive"])),
+            open_level=usual_levels.get((run.direction, piece.dataset.sizes["drive"])),
         )
-        verdicts.append(
-            judge_recording(found.dataset, found.throw, expected=expected, limits=limits)
-        )
-    return verdicts
-
-
-def _reasons(found: ThrowQuality | TurnoutError) -> tuple[str, ...]:
-    """Return every reason to leave a movement out."""
-    if isinstance(found, ListedError):
-        return found.problems
-    return (str(found),) if isinstance(found, TurnoutError) else found.reasons
+        found = judge_recording(piece.dataset, piece.throw, expected=expected, limits=limits)
+        kept, quality = without_dead_rods(piece, found)
+        if quality.usable:
+            usable.append((run, kept, quality))
+        else:
+            excluded.append(Excluded(run, quality.reasons))
+    return usable, excluded
 
 
 def slipped_movements(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
@@ -371,9 +347,7 @@ def slipped_movements(pieces: Sequence[RecordedThrow]) -> list[bool | None]:
     return [bool((times > usual + OVERRUN).any()) if times.size else None for times in known]
 
 
-def _remarks(
-    usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]], slipped: Sequence[bool | None]
-) -> list[str]:
+def _remarks(usable: Sequence[Usable], slipped: Sequence[bool | None]) -> list[str]:
     runs = [run for run, _, _ in usable]
     forces = [change_of_rods(piece) for _, piece, _ in usable]
     said: dict[str, tuple[str, list[SheetRow]]] = {}
@@ -399,7 +373,7 @@ def _first_of(runs: Sequence[SheetRow]) -> str:
 
 
 def _dataset(
-    usable: Sequence[tuple[SheetRow, RecordedThrow, ThrowQuality]],
+    usable: Sequence[Usable],
     slipped: Sequence[bool | None],
     sheet: RunSheet,
     channel_map: ChannelMap,
@@ -474,19 +448,17 @@ def exchanged_cell(members: Sequence[tuple[float, RecordedThrow]]) -> str | None
     free = [item for item in free if "object_force" in item and "drive_force" in item]
     if len(free) < LEAST_MOVEMENTS:
         return None
-    if not all(float(np.ptp(_known(item["object_force"].values))) > IDLE_CELL for item in free):
-        return None
+    for item in free:
+        cell = item["object_force"].values
+        known = cell[np.isfinite(cell)]
+        if not known.size or not float(np.ptp(known)) > IDLE_CELL:
+            return None
     silent = [
         {str(d) for d in item["drive"].values if item["drive_force"].sel(drive=d).isnull().all()}
         for item in free
     ]
     found = sorted(set.intersection(*silent))
     return found[0] if len(found) == 1 else None
-
-
-def _known(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    known = values[np.isfinite(values)]
-    return known if known.size else np.zeros(1)
 
 
 def change_of_rods(piece: RecordedThrow) -> NDArray[np.float64]:
@@ -499,31 +471,24 @@ def change_of_rods(piece: RecordedThrow) -> NDArray[np.float64]:
 
 
 def without_dead_rods(
-    piece: RecordedThrow | TurnoutError, found: ThrowQuality | TurnoutError
-) -> tuple[RecordedThrow | TurnoutError, ThrowQuality | TurnoutError]:
+    piece: RecordedThrow, found: ThrowQuality
+) -> tuple[RecordedThrow, ThrowQuality]:
     """Return a movement without its dead rods, if nothing else is wrong and one rod lives."""
-    if not isinstance(piece, RecordedThrow) or not isinstance(found, ThrowQuality):
-        return piece, found
-    names = [str(name) for name in piece.dataset["drive"].values]
     dead = {
         fault.channel
         for fault in found.faults
         if fault.kind == "dead channel" and fault.channel.startswith("drive_force")
     }
+    rods = [f"drive_force {name}" for name in piece.dataset["drive"].values]
     of_them = all(not fault.excludes or fault.channel in dead for fault in found.faults)
-    if not dead or not of_them or len(dead) == len(names):
+    if not dead or not of_them or len(dead) == len(rods):
         return piece, found
-    alive = xr.DataArray([f"drive_force {name}" not in dead for name in names], dims="drive")
+    alive = xr.DataArray([rod not in dead for rod in rods], dims="drive")
     forces = piece.dataset["drive_force"].where(alive).transpose("drive", "time")
+    kept = "; the channel is left out, the movement is kept"
     faults = tuple(
-        replace(
-            fault,
-            excludes=False,
-            text=f"{fault.text}; the channel is left out, the movement is kept",
-        )
-        if fault.excludes
-        else fault
+        replace(fault, excludes=False, text=fault.text + kept) if fault.excludes else fault
         for fault in found.faults
     )
-    kept = replace(piece, dataset=piece.dataset.assign(drive_force=forces))
-    return kept, ThrowQuality(faults=faults)
+    dataset = piece.dataset.assign(drive_force=forces)
+    return replace(piece, dataset=dataset), ThrowQuality(faults=faults)
