@@ -49,19 +49,22 @@ _DATE = re.compile(
     r"(?P<m4>[A-Za-zäÄ]{3,9})[. ]{1,2}(?P<d4>\d{1,2}),? (?P<y4>\d{4})|"
     r"(?P<y5>(?:19|20)\d\d)(?P<m5>[01]\d)(?P<d5>[0-3]\d)(?=[T _]|\Z)"
 )
+# The first letter of a group says what it holds: year, month, day, a and b of which one is the day;
+# whole days, hour, minute n, second c, fraction, half of the day p, zone.
 _CLOCK = re.compile(
-    r"(?:(?P<days>\d{1,5}) days?,?\s)?"
+    r"(?:(?P<w>\d{1,5}) days?,?\s)?"
     r"(?:(?P<h1>\d{1,2}):(?P<n1>\d\d):(?P<c1>\d\d)(?:[.,:](?P<f1>\d{1,18}))?|"
     r"(?P<n2>\d{1,3}):(?P<c2>\d\d)[.,](?P<f2>\d{1,18})|(?P<h3>\d{1,2}):(?P<n3>\d\d)|"
     r"(?P<h4>\d{1,2})\.(?P<n4>\d\d)\.(?P<c4>\d\d)(?:[.,](?P<f4>\d{1,18}))?|"
     r"(?P<h5>\d\d)(?P<n5>\d\d)(?P<c5>\d\d)(?:[.,](?P<f5>\d{1,18}))?)"
-    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
-    r"\s?(?P<zone>Z|UTC|GMT|CET|CEST|MEZ|MESZ|[+-]\d\d:?(?:\d\d)?)?"
+    r"(?:\s*(?P<p>[AaPp])\.?[Mm]\.?)?"
+    r"\s?(?P<z>Z|UTC|GMT|CET|CEST|MEZ|MESZ|[+-]\d\d:?(?:\d\d)?)?"
 )
 _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d([.,]\d+)?(Z|[+-]\d\d(:?\d\d)?)?")
 _PLAIN_CLOCK = re.compile(r"\d\d:\d\d:\d\d([.,]\d+)?")
 _ZONES = {"CET": HOUR, "MEZ": HOUR, "CEST": 2 * HOUR, "MESZ": 2 * HOUR}
 _LONGEST = 48
+Parts = dict[str, str]
 LARGEST_DEPARTURE = 0.01
 """By which a stated rate may differ from that of a column of times."""
 
@@ -266,10 +269,21 @@ def is_stamp(text: str) -> bool:
     text = text.strip()
     if len(text) > _LONGEST or not text[:1].strip("+-"):
         return False
-    date = _DATE.match(text)
-    rest = text[date.end() :].strip(" T,;_").removeprefix("- ") if date else text
+    date, rest = _date_and_rest(text)
     match = _CLOCK.fullmatch(rest) if rest else None
     return match is not None and (bool(date) or match["h5"] is None)
+
+
+def _date_and_rest(text: str) -> tuple[Parts, str]:
+    """Return the parts of the date that a text begins with, and what is behind it."""
+    date = _DATE.match(text) if len(text) <= _LONGEST else None
+    rest = text[date.end() :].strip(" T,;_").removeprefix("- ") if date else text
+    return _named(date), rest
+
+
+def _named(match: re.Match[str] | None) -> Parts:
+    """Return the parts that a pattern found, by the first letter of their groups."""
+    return {key[0]: text for key, text in match.groupdict().items() if text} if match else {}
 
 
 def stamps_axis(texts: Sequence[str]) -> TimeAxis:
@@ -306,105 +320,86 @@ def stamps_axis(texts: Sequence[str]) -> TimeAxis:
             axis = moments_axis(moments.to_numpy())
             return _unwrapped(axis.seconds, axis.begin, zoned=_zoned(texts[0]), wrap=DAY)
     rows = [_parts(text, number) for number, text in enumerate(texts, start=1)]
-    month_first = _month_first(rows)
-    days = _days(rows, month_first, texts)
+    days = _days([date for date, _ in rows], _month_first(rows), texts)
     clocks = [clock for _, clock in rows]
-    if any(clock["h3"] and not date for date, clock in rows):
+    if any("h" in clock and "c" not in clock and not date for date, clock in rows):
         message = f"'{texts[0]}' may be hours and minutes or minutes and seconds; write 08:14:00"
         raise ValueError(message)
     seconds = np.array([_second_of_day(clock) for clock in clocks])
     begin = days[0] * DAY + float(seconds[0])
     seconds = (seconds - seconds[0]) + DAY * (days - days[0])
-    zoned = any(clock["zone"] for clock in clocks)
-    return _unwrapped(seconds, begin, zoned=zoned, wrap=HOUR if clocks[0]["n2"] else DAY)
+    zoned = any("z" in clock for clock in clocks)
+    return _unwrapped(seconds, begin, zoned=zoned, wrap=DAY if "h" in clocks[0] else HOUR)
 
 
 def _zoned(text: str) -> bool:
     return text.endswith("Z") or text[10:].count("+") + text[10:].count("-") > 0
 
 
-_Row = tuple[dict[str, str | None], dict[str, str | None]]
-
-
-def _parts(text: str, number: int) -> _Row:
+def _parts(text: str, number: int) -> tuple[Parts, Parts]:
     """Return the parts of the date and of the time of day."""
-    date = _DATE.match(text) if len(text) <= _LONGEST else None
-    rest = text[date.end() :].strip(" T,;_").removeprefix("- ") if date else text
-    clock = _CLOCK.fullmatch(rest or "000000") if len(rest) <= _LONGEST else None
-    if clock is None:
+    date, rest = _date_and_rest(text)
+    clock = _named(_CLOCK.fullmatch(rest or "000000")) if len(rest) <= _LONGEST else {}
+    if not clock:
         message = f"row {number} of the numbers: '{text[:40]}' is no time"
         raise ValueError(message)
-    return (date.groupdict() if date else {}), clock.groupdict()
+    return date, clock
 
 
-def _month_first(rows: Sequence[_Row]) -> bool:
+def _month_first(rows: Sequence[tuple[Parts, Parts]]) -> bool:
     """Return True if dates such as 11/28/2026 name the month first."""
     open_dates = {
-        (date["a"], date["b"], date["y2"])
+        (int(date["a"]), int(date["b"]), date["y"])
         for date, _ in rows
-        if date and date["a"] and date["s2"] != "."
+        if "a" in date and date["s"] != "."
     }
     if not open_dates:
         return False
-    if any(int(b or 0) > 12 for _, b, _ in open_dates):
+    if any(b > 12 for _, b, _ in open_dates):
         return True
-    first, second, year = next(iter(open_dates))
-    if any(int(a or 0) > 12 and len(y or "") == 4 for a, _, y in open_dates):
+    if any(a > 12 and len(year) == 4 for a, _, year in open_dates):
         return False
-    if any(clock["half"] for _, clock in rows):
+    if any("p" in clock for _, clock in rows):
         return True
-    if all(a == b and len(y or "") == 4 for a, b, y in open_dates):
+    if all(a == b and len(year) == 4 for a, b, year in open_dates):
         return False
-    order = "its day or its month" if len(year or "") == 4 else "its day, its month or its year"
+    shown = next(date for date, _ in rows if "a" in date and date["s"] != ".")
+    first, second, year = shown["a"], shown["b"], shown["y"]
+    order = "its day or its month" if len(year) == 4 else "its day, its month or its year"
     message = f"the date {first}/{second}/{year} may name {order} first; write dates as 2026-11-28"
     raise ValueError(message)
 
 
-def _days(rows: Sequence[_Row], month_first: bool, texts: Sequence[str]) -> Floats:
+def _days(dates: Sequence[Parts], month_first: bool, texts: Sequence[str]) -> Floats:
     """Return the day of each row since 1970; 0 without a date."""
-    known: dict[tuple[str | None, ...], int] = {}
-    days = []
-    for number, (date, _) in enumerate(rows):
-        key = tuple(date.values())
-        if key and key not in known:
-            try:
-                known[key] = _date(date, month_first).toordinal() - 719_163
-            except (ValueError, KeyError):
-                message = f"row {number + 1} of the numbers: '{texts[number]}' is no date"
-                raise ValueError(message) from None
-        days.append(known[key] if key else 0)
-    return np.array(days, dtype=np.float64)
+    known: dict[tuple[str, ...], int] = {(): 0}
+    for number, date in enumerate(dates, start=1):
+        if (key := tuple(date.values())) in known:
+            continue
+        year = int(date["y"])
+        year += 2000 if year < 70 else 1900 if year < 100 else 0
+        day, month = date.get("d", ""), date.get("m", "")
+        if "a" in date:
+            day, month = (date["b"], date["a"]) if month_first else (date["a"], date["b"])
+        try:
+            of_year = int(month) if month.isdigit() else _MONTHS[month.lower()]
+            known[key] = datetime.date(year, of_year, int(day)).toordinal() - 719_163
+        except (ValueError, KeyError):
+            message = f"row {number} of the numbers: '{texts[number - 1]}' is no date"
+            raise ValueError(message) from None
+    return np.array([known[tuple(date.values())] for date in dates], dtype=np.float64)
 
 
-def _date(date: dict[str, str | None], month_first: bool) -> datetime.date:
-    year = next(int(v) for k, v in date.items() if k[0] == "y" and v)
-    year += 2000 if year < 70 else 1900 if year < 100 else 0
-    if date["a"] and date["b"]:
-        day, month = int(date["a"]), int(date["b"])
-        return datetime.date(year, day, month) if month_first else datetime.date(year, month, day)
-    day = next(int(v) for k, v in date.items() if k[0] == "d" and v)
-    word = next(v for k, v in date.items() if k[0] == "m" and v)
-    return datetime.date(year, int(word) if word.isdigit() else _MONTHS[word.lower()], day)
-
-
-def _second_of_day(clock: dict[str, str | None]) -> float:
-    hours, minutes, seconds, fraction = (
-        next((v for k, v in clock.items() if k[0] == letter and len(k) == 2 and v), "0")
-        for letter in "hncf"
-    )
-    hour = int(hours)
-    if clock["half"]:
-        hour = hour % 12 + (12 if clock["half"] in "Pp" else 0)
-    offset = 0.0
-    zone = clock["zone"]
-    if zone and zone[0] in "+-":
+def _second_of_day(clock: Parts) -> float:
+    hour, fraction, zone = int(clock.get("h", 0)), clock.get("f", "0"), clock.get("z", "")
+    if "p" in clock:
+        hour = hour % 12 + 12 * (clock["p"] in "Pp")
+    offset = _ZONES.get(zone, 0.0)
+    if zone[:1] in ("+", "-"):
         digits = zone[1:].replace(":", "").ljust(4, "0")
-        offset = (HOUR * int(digits[:2]) + 60.0 * int(digits[2:])) * (1 if zone[0] == "+" else -1)
-    elif zone:
-        offset = _ZONES.get(zone, 0.0)
-    whole = (
-        DAY * int(clock["days"] or 0) + HOUR * hour + 60.0 * int(minutes) + int(seconds) - offset
-    )
+        offset = float(f"{zone[0]}1") * (HOUR * int(digits[:2]) + 60.0 * int(digits[2:]))
+    days, minutes, seconds = (int(clock.get(key, 0)) for key in "wnc")
+    whole = DAY * days + HOUR * hour + 60.0 * minutes + seconds - offset
     return whole + int(fraction) / 10.0 ** len(fraction)
 
 
