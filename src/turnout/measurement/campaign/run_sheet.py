@@ -3,9 +3,8 @@
 The format is described in docs/use/campaign-format.md.
 """
 
-import csv
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from turnout.core.units import LENGTH, parse_quantity
 from turnout.measurement.campaign.campaign_folder import is_outside
 from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 from turnout.measurement.formats.file_format import read_throws
+from turnout.measurement.formats.text_dialect import split_line
 from turnout.measurement.recording import Recording
 
 # A larger object does not fit into any flangeway: its unit is wrong [m].
@@ -172,6 +172,11 @@ class SheetRow:
     remark: str
 
     @property
+    def what(self) -> tuple[str, float, str]:
+        """Direction, size and place, the same for repeats."""
+        return self.direction, self.size, self.place
+
+    @property
     def name(self) -> str:
         """Name of the movement: its file, and its number unless that is the first."""
         stem = str(Path(self.file).with_suffix("")) + (f"@{self.throw}" if self.throw else "")
@@ -288,21 +293,19 @@ def read_sheet(path: Path | str, *, allow_outside: bool = False) -> RunSheet:
         for name in (CLOSING, OPENING)
         for word in str(headings.get(name, name)).split(",")
     }
-    runs = []
-    for where, row in rows:
-        run = _run(where, row, words, mounted_from=mounted_from, problems=problems)
-        if run is not None:
-            runs.append(run)
+    read = [_run(*row, words, mounted_from=mounted_from, problems=problems) for row in rows]
     if not rows and "files" not in headings:
         problems.append("names no movement; give a line for each")
-    runs = _numbered(runs)
+    runs = _numbered([run for run in read if run is not None])
     problems += _duplicates(runs)
     if problems:
         raise MeasurementError(problems, source=str(path))
-    title = str(headings.get("title", path.resolve().parent.name))
-    panel, synthetic = (str(headings.get(name, "")) for name in ("panel", "synthetic"))
     return RunSheet(
-        runs=tuple(runs), title=title, panel=panel, synthetic=synthetic, source=str(path)
+        runs=tuple(runs),
+        title=str(headings.get("title", path.resolve().parent.name)),
+        panel=str(headings.get("panel", "")),
+        synthetic=str(headings.get("synthetic", "")),
+        source=str(path),
     )
 
 
@@ -386,42 +389,34 @@ def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], Rows]:
 
 def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], Rows]:
     headings: dict[str, Any] = {}
-    lines: list[tuple[int, str]] = []
+    rows: Rows = []
+    columns: list[tuple[str, str]] = []
+    separator = ""
     for number, line in enumerate(text.splitlines(), 1):
         if line.lstrip().startswith("#"):
             key, sign, value = line.lstrip("# \t").partition(":")
             if sign and key.strip() in HEADINGS:
                 headings[key.strip()] = value.strip()
-        elif line.strip(" ,;\t"):
-            lines.append((number, line))
-    if not lines and "files" in headings:
-        return headings, []
-    if not lines:
+        if line.lstrip().startswith("#") or not line.strip(" ,;\t"):
+            continue
+        separator = separator or max(",;\t", key=line.count)
+        try:
+            cells = split_line(line, separator)
+        except ValueError as error:
+            raise MeasurementError([f"line {number}: {error}"], source=str(path)) from None
+        if not columns:
+            columns = [_column(cell) for cell in cells]
+            continue
+        row: dict[str, Any] = {}
+        for (name, unit), cell in zip(columns, cells, strict=False):
+            bare = name == "size" and unit and re.fullmatch(r"[-+]?[\d.,]+", cell)
+            if cell:
+                row[name] = f"{cell.replace(',', '.')} {unit}" if bare else cell
+        rows.append((f"line {number}", row))
+    if not columns and "files" not in headings:
         message = "has no line with the names of the columns"
         raise MeasurementError([message], source=str(path))
-    separator = max(",;\t", key=lines[0][1].count)
-    header = _cells(*lines[0], separator, path)
-    names, units = zip(*(_column(cell) for cell in header), strict=True)
-    rows: Rows = []
-    for number, line in lines[1:]:
-        cells = [cell.strip() for cell in _cells(number, line, separator, path)]
-        row: dict[str, Any] = {}
-        for name, unit, cell in zip(names, units, cells, strict=False):
-            if cell and name == "size" and unit and re.fullmatch(r"[-+]?[\d.,]+", cell):
-                row[name] = f"{cell.replace(',', '.')} {unit}"
-            elif cell:
-                row[name] = cell
-        rows.append((f"line {number}", row))
     return headings, rows
-
-
-def _cells(number: int, line: str, separator: str, path: Path) -> list[str]:
-    """Split a line; csv refuses a cell of more than 131,072 characters."""
-    try:
-        return next(csv.reader([line], delimiter=separator))
-    except csv.Error as error:
-        problem = f"line {number}: {error}; shorten the cell, or close its quotation mark"
-        raise MeasurementError([problem], source=str(path)) from None
 
 
 def _decoded(content: bytes, path: Path) -> str:
@@ -489,33 +484,30 @@ def _numbered(runs: Sequence[SheetRow]) -> list[SheetRow]:
     """Return runs with repeats counted on in the order of the sheet, past those stated."""
     last: dict[tuple[object, ...], int] = {}
     for run in runs:
-        what = (run.direction, run.size, run.place)
-        last[what] = max(last.get(what, 0), run.repeat)
+        last[run.what] = max(last.get(run.what, 0), run.repeat)
     found = []
     for run in runs:
         if not run.repeat:
-            what = (run.direction, run.size, run.place)
-            last[what] += 1
-            run = replace(run, repeat=last[what])
+            last[run.what] += 1
+            run = replace(run, repeat=last[run.what])
         found.append(run)
     return found
 
 
-def _duplicates(runs: list[SheetRow]) -> list[str]:
+def _duplicates(runs: list[SheetRow]) -> Iterator[str]:
     """Name movements that the sheet has twice."""
-    problems = []
-    recorded: dict[tuple[object, ...], SheetRow] = {}
-    meant: dict[tuple[object, ...], SheetRow] = {}
+    first: dict[tuple[object, ...], str] = {}
     for run in runs:
-        where = (run.file, run.throw, run.movement)
-        what = (run.direction, run.size, run.place, run.repeat)
-        if where in recorded:
-            first = recorded[where].where
-            text = f"{run.where}: movement {run.movement} of {run.file} is also that of {first}"
-            problems.append(f"{text}; correct the file, or number the movements")
-        elif what in meant:
-            text = f"{run.where}: same direction, size, place and repeat as {meant[what].where}"
-            problems.append(f"{text}; number the repeats")
-        recorded.setdefault(where, run)
-        meant.setdefault(what, run)
-    return problems
+        recorded, meant = (run.file, run.throw, run.movement), (*run.what, run.repeat)
+        if recorded in first:
+            yield (
+                f"{run.where}: movement {run.movement} of {run.file} is also that of "
+                f"{first[recorded]}; correct the file, or number the movements"
+            )
+        elif meant in first:
+            yield (
+                f"{run.where}: same direction, size, place and repeat as {first[meant]}; "
+                "number the repeats"
+            )
+        first.setdefault(recorded, run.where)
+        first.setdefault(meant, run.where)

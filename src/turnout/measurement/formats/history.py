@@ -5,7 +5,6 @@ There is a column for each channel. The first line names the columns, each with 
 begin with # are comments. Times rise; they need not be even. Signs are those of a dataset.
 """
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.channels import check_schema, label
-from turnout.core.errors import FileError
+from turnout.core.errors import FileError, refused_of
 from turnout.core.problems import choices, nearest
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import FORCE, LENGTH, TIME, Dimension, unit_factor
 from turnout.core.value_text import shown_unit
 from turnout.measurement.formats.assemble import split_unit
+from turnout.measurement.formats.text_dialect import split_line
 
 Floats = NDArray[np.float64]
 
@@ -77,11 +77,8 @@ def read_history(path: Path | str) -> xr.Dataset:
         message = f"{file}: needs a line of names and at least two lines of numbers"
         raise FileError(message)
     separator = ";" if lines[0][1].count(";") > lines[0][1].count(",") else ","
-    try:
-        heading = next(csv.reader([lines[0][1]], delimiter=separator))
-    except csv.Error as error:
-        message = f"{file}: {_cell_problem(lines[0][0], error)}"
-        raise FileError(message) from None
+    with refused_of(f"{file}: line {lines[0][0]}"):
+        heading = split_line(lines[0][1], separator)
     names, factors, problems = _columns(heading)
     values, found = _numbers(lines[1:], len(heading), separator)
     problems += found
@@ -146,25 +143,21 @@ def _numbers(lines: list[tuple[int, str]], width: int, separator: str) -> tuple[
     """Return the numbers and the faults of their lines."""
     values = np.full((len(lines), width), np.nan)
     problems: list[str] = []
-    rows = csv.reader((line for _, line in lines), delimiter=separator)
-    try:
-        for at, ((number, _), row) in enumerate(zip(lines, rows, strict=False)):
-            if len(row) != width:
-                problems.append(f"line {number}: {len(row)} cells, must be {width}")
-                continue
-            for column, cell in enumerate(row):
-                try:
-                    values[at, column] = float(cell) if cell.strip() else np.nan
-                except ValueError:
-                    problems.append(f"line {number}: '{cell.strip()}' is not a number")
-    except csv.Error as error:
-        problems.append(_cell_problem(lines[rows.line_num - 1][0], error))
+    for at, (number, line) in enumerate(lines):
+        try:
+            row = split_line(line, separator)
+        except ValueError as error:
+            problems.append(f"line {number}: {error}")
+            continue
+        if len(row) != width:
+            problems.append(f"line {number}: {len(row)} cells, must be {width}")
+            continue
+        for column, cell in enumerate(row):
+            try:
+                values[at, column] = float(cell) if cell else np.nan
+            except ValueError:
+                problems.append(f"line {number}: '{cell}' is not a number")
     return values, problems
-
-
-def _cell_problem(number: int, error: csv.Error) -> str:
-    """Describe a cell that csv refuses, such as one of more than 131,072 characters."""
-    return f"line {number}: {error}; shorten the cell, or close its quotation mark"
 
 
 def _dataset(names: list[tuple[str, str]], values: Floats, *, title: str) -> xr.Dataset:

@@ -490,7 +490,7 @@ def split_line(line: str, separator: str) -> list[str]:
     try:
         cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
     except csv.Error as error:
-        message = f"is no table of numbers ({error})"
+        message = f"{error}; shorten the cell, or close its quotation mark"
         raise ValueError(message) from None
     return [cell.strip() for cell in cells]
 
