@@ -163,30 +163,27 @@ def find_throws(
         source = "force"
     spans = _spans(active, rate=rate, detection=chosen)
     bounds = _bounds(spans, time.size, rate=rate, detection=chosen)
+    rows = forces if source == "force" else currents[switched]
     throws = []
     for span, bound in zip(spans, bounds, strict=True):
-        rows = forces if source == "force" else currents[switched]
         triggered = (
             source != "force"
             and span[0] == 0
             and any(_begins_with_inrush(row, span[1], rate=rate) for row in rows)
         )
         at = 0.0 if triggered else _onset(rows, span, rate=rate, source=source, level=level)
-        ends = [
-            running_time(time[bound[0] : bound[1]], row[bound[0] : bound[1]])[1]
-            if known
-            else float("nan")
-            for row, known in zip(currents, switched, strict=True)
-        ]
+        kept = slice(*bound)
         throws.append(
             FoundThrow(
-                first=bound[0],
-                stop=bound[1],
+                *bound,
                 onset=float(np.interp(at, np.arange(time.size), time)),
                 end=float(time[span[1] - 1]),
-                drive_ends=tuple(ends),
+                drive_ends=tuple(
+                    running_time(time[kept], row[kept])[1] if known else float("nan")
+                    for row, known in zip(currents, switched, strict=True)
+                ),
                 source=source,
-                direction=found_direction(forces[:, bound[0] : bound[1]], rate=rate),
+                direction=found_direction(forces[:, kept], rate=rate),
                 cut_start=span[0] == 0 and not triggered,
                 cut_end=span[1] == time.size,
                 triggered=triggered,

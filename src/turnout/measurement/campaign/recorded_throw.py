@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -124,78 +124,62 @@ def recorded_throws(
             throws = list(dict.fromkeys(item.throw for item in runs if item.throw))
             read = read_throws(path, throws, allow_outside=allow_outside)
             held = dict(zip(throws, read, strict=True))
-        if run.throw not in found:
-            one = held.get(run.throw)
-            found[run.throw] = _found(
-                path, one, channel_map, detection, allow_outside=allow_outside
-            )
-        recorded = found[run.throw]
-        cut = recorded if isinstance(recorded, TurnoutError) else _cut(recorded, run.movement, path)
+        try:
+            if run.throw not in found:
+                one = held.get(run.throw) or read_recording(path, allow_outside=allow_outside)
+                found[run.throw] = _found(path, one, channel_map, detection)
+            cut = _cut(found[run.throw], run.movement, path)
+        except TurnoutError as error:
+            found.setdefault(run.throw, error)
+            yield error, False
+            continue
         # A folder that may not be written to is read each time.
         with suppress(FileError, OSError):
-            if isinstance(cut, RecordedThrow):
-                stored.parent.mkdir(exist_ok=True)
-                write_atomic(stored, _packed(cut, key))
+            stored.parent.mkdir(exist_ok=True)
+            write_atomic(stored, _packed(cut, key))
         yield cut, False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    """A recording in SI and every throw in it."""
-
-    dataset: xr.Dataset
-    throws: tuple[FoundThrow, ...]
+_Found = tuple[xr.Dataset, tuple[FoundThrow, ...]]
+"""A recording in SI and every throw in it."""
 
 
 def _found(
     path: Path,
-    one: Recording | FileError | None,
+    one: Recording | FileError,
     channel_map: ChannelMap,
     detection: Detection | None,
-    *,
-    allow_outside: bool,
-) -> _Found | TurnoutError:
-    """Find the movements of a file, or of one throw of its table that was read already."""
+) -> _Found:
+    """Find the movements of a recording."""
     if isinstance(one, FileError):
-        return one
-    try:
-        recording = one or read_recording(path, allow_outside=allow_outside)
-        dataset = apply_chain(recording, channel_map)
-        if not {"drive_force", "drive_current", "drive_power"} & set(dataset):
-            message = "the channel map has no drive_force, drive_current or drive_power"
-            raise MeasurementError([message], source=str(path))
-    except TurnoutError as error:
-        return error
-    return _Found(dataset, find_throws(dataset, detection=detection))
+        raise one
+    dataset = apply_chain(one, channel_map)
+    if not {"drive_force", "drive_current", "drive_power"} & set(dataset):
+        message = "the channel map has no drive_force, drive_current or drive_power"
+        raise MeasurementError([message], source=str(path))
+    return dataset, find_throws(dataset, detection=detection)
 
 
-def _cut(found: _Found, movement: int, path: Path) -> RecordedThrow | TurnoutError:
+def _cut(found: _Found | TurnoutError, movement: int, path: Path) -> RecordedThrow:
     """Return a movement by its number in the recording, from 1."""
-    count = len(found.throws)
-    if count < movement:
-        there = {0: "nothing moves in it", 1: "it holds one throw"}.get(
-            count, f"it holds {count} throws"
-        )
+    if isinstance(found, TurnoutError):
+        raise found
+    dataset, throws = found
+    if len(throws) < movement:
+        held = {0: "nothing moves in it", 1: "it holds one throw"}
+        there = held.get(len(throws), f"it holds {len(throws)} throws")
         message = f"movement {movement} is not in the recording: {there}"
-        return MeasurementError([message], source=str(path))
-    throw, dataset = found.throws[movement - 1], found.dataset
+        raise MeasurementError([message], source=str(path))
+    throw = throws[movement - 1]
     names = [name for name in MEASURED if name in dataset]
     kept = dataset[names].isel(time=slice(throw.first, throw.stop)).reset_coords(drop=True)
-    notes = tuple(note for note in str(dataset.attrs.get("problems", "")).splitlines() if note)
     return RecordedThrow(
         dataset=kept.drop_attrs(),
-        throw=_moved(throw),
+        throw=replace(throw, first=0, stop=throw.stop - throw.first),
         start_time=str(dataset.attrs.get("start_time", "")),
-        notes=notes,
+        notes=tuple(filter(None, str(dataset.attrs.get("problems", "")).splitlines())),
         force_rates=json.loads(str(dataset.attrs.get("force_rates", "{}"))),
     )
-
-
-def _moved(throw: FoundThrow) -> FoundThrow:
-    """Count the samples of a throw from its own first one."""
-    values: dict[str, Any] = asdict(throw)
-    values |= {"first": 0, "stop": throw.stop - throw.first}
-    return FoundThrow(**values)
 
 
 def _packed(piece: RecordedThrow, key: str) -> bytes:
@@ -224,13 +208,8 @@ def _stored(path: Path, key: str) -> RecordedThrow | None:
             {"time": arrays["time"], "drive": arrays["drive"]},
         )
         throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
-        notes = tuple(str(note) for note in described["notes"])
-        return RecordedThrow(
-            dataset,
-            FoundThrow(**throw),
-            str(described["start_time"]),
-            notes,
-            described.get("force_rates", {}),
-        )
+        rest = {key: described[key] for key in ("start_time", "force_rates")}
+        notes = tuple(described["notes"])
+        return RecordedThrow(dataset=dataset, throw=FoundThrow(**throw), notes=notes, **rest)
     except (OSError, ValueError, LookupError, TypeError, FileError):
         return None

@@ -122,40 +122,49 @@ def series_remarks(
     -------
     list of str
     """
-    series: dict[tuple[str, str, int], list[tuple[SheetRow, bool | None]]] = {}
-    changes: dict[tuple[str, str, int], list[tuple[float, NDArray[np.float64]]]] = {}
+    series: dict[tuple[str, str, int], list[_Member]] = {}
     for run, measured, force in zip(runs, slipped, forces, strict=True):
         if run.size > 0:
-            key = (run.place, run.direction, run.repeat)
             slip = run.slip if measured is None else measured
-            series.setdefault(key, []).append((run, slip))
-            changes.setdefault(key, []).append((run.size, force))
+            series.setdefault(_series_of(run), []).append((run, slip, force))
     remarks = []
-    for key, members in series.items():
-        place = key[0]
+    for (place, *_), members in series.items():
         remarks += [
             f"{run.where}: {_size(run)} at {place} comes after {_size(before)}"
             "; objects usually grow"
-            for (before, _), (run, _) in pairwise(members)
+            for (before, *_), (run, *_) in pairwise(members)
             if run.size < before.size
         ]
-        first = next((number for number, (_, slip) in enumerate(members) if slip), None)
-        if first is None and all(slip is not None for _, slip in members) and len(members) > 1:
-            largest = max(members, key=lambda member: member[0].size)[0]
-            if saturates(changes[key]):
+        slips = [slip for _, slip, _ in members]
+        largest = max((run for run, *_ in members), key=lambda run: run.size)
+        if True in slips:
+            first = slips.index(True)
+            run, following = members[first][0], _needless(members, first)
+            if following:
+                said = "1 movement of that series follows"
+                if following > 1:
+                    said = f"{following} movements of that series follow"
                 remarks.append(
-                    f"{place}: a rod force no longer grows up to {_size(largest)}, yet no drive "
-                    "is said to slip; check clamps and the column slip"
+                    f"{run.where}: a drive slipped at {place} with {_size(run)}, yet {said}"
                 )
-            else:
-                remarks.append(f"{place}: no drive slipped up to {_size(largest)}")
-        elif first is not None and (following := _needless(members, first)):
-            run = members[first][0]
+        elif None in slips or len(members) < 2:
+            continue
+        elif saturates([(run.size, force) for run, _, force in members]):
             remarks.append(
-                f"{run.where}: a drive slipped at {place} with {_size(run)}, "
-                f"yet {_following(following)}"
+                f"{place}: a rod force no longer grows up to {_size(largest)}, yet no drive "
+                "is said to slip; check clamps and the column slip"
             )
+        else:
+            remarks.append(f"{place}: no drive slipped up to {_size(largest)}")
     return remarks
+
+
+_Member = tuple[SheetRow, bool | None, NDArray[np.float64]]
+"""A movement of a series, whether a drive slipped in it, and the change of each rod force [N]."""
+
+
+def _series_of(run: SheetRow) -> tuple[str, str, int]:
+    return run.place, run.direction, run.repeat
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,24 +223,19 @@ def check_rods(dataset: xr.Dataset) -> RodCheck:
     dataset : xarray.Dataset
         Stacked movements: `drive_force` (movement, drive, time), time zero at the onset.
     """
-    drives = [str(name) for name in dataset["drive"].values]
     if "drive_force" not in dataset:
         return RodCheck()
+    drives = [str(name) for name in dataset["drive"].values]
     forces = dataset["drive_force"].transpose("movement", "drive", "time").values
     forces = forces[:, :, dataset["time"].values >= 0.0]
-    sizes, places = dataset["size"].values, [str(place) for place in dataset["place"].values]
-    directions = dataset["direction"].values
+    sizes, directions = dataset["size"].values, dataset["direction"].values
     votes = []
-    for number, place in enumerate(places):
+    for number, place in enumerate(map(str, dataset["place"].values)):
         name = place.removeprefix("drive ")
         free = (sizes == 0) & (directions == directions[number])
-        if sizes[number] <= 0 or not place.startswith("drive ") or name not in drives:
-            continue
-        if not free.any():
-            continue
-        most = rises_most(rises(forces[number], forces[free]))
-        if most is not None:
-            votes.append((name, drives[most]))
+        if sizes[number] > 0 and place != name and name in drives and free.any():
+            most = rises_most(rises(forces[number], forces[free]))
+            votes += [(name, drives[most])] if most is not None else []
     return rod_check(votes)
 
 
@@ -352,8 +356,7 @@ def force_remarks(runs: Sequence[SheetRow], forces: Sequence[float]) -> list[str
     groups: dict[tuple[str, str, int], list[tuple[float, float, SheetRow]]] = {}
     for run, force in zip(runs, forces, strict=True):
         if run.size > 0 and run.direction == "closing":
-            key = (run.place, run.direction, run.repeat)
-            groups.setdefault(key, []).append((run.size, force, run))
+            groups.setdefault(_series_of(run), []).append((run.size, force, run))
     for (place, _, _), members in groups.items():
         for (_, less, before), (_, more, run) in pairwise(sorted(members, key=lambda m: m[0])):
             if more < less - max(250.0, 0.025 * abs(less)):
@@ -372,15 +375,7 @@ def _what(run: SheetRow) -> str:
     return f"with {_size(run)} at {run.place}" if run.size > 0 else "without an object"
 
 
-def _following(count: int) -> str:
-    return (
-        "1 movement of that series follows"
-        if count == 1
-        else f"{count} movements of that series follow"
-    )
-
-
-def _needless(members: Sequence[tuple[SheetRow, bool | None]], first: int) -> int:
+def _needless(members: Sequence[_Member], first: int) -> int:
     """Return the number of movements after the first one that slipped and measured the object.
 
     Until a load cell fits a series may go on, so that the force on the object is known there.
