@@ -139,11 +139,10 @@ def _at_paces(
         return [None for _ in paces]
     rate = (time.size - 1) / float(time[-1] - time[0])
     rest = (time >= throw.onset - 0.3) & (time < throw.onset - 0.01)
-    smooth: dict[str, list[Floats]] = {}
-    for name in ("drive_force", "drive_current"):
-        present = [name] if name in dataset else []
-        values = [row for key in present for row in dataset[key].transpose("drive", "time").values]
-        means = [mean_over(row, width=round(0.04 * rate)) for row in values]
+    smooth: dict[str, list[Floats]] = {"drive_force": [], "drive_current": []}
+    for name in (name for name in smooth if name in dataset):
+        rows = dataset[name].transpose("drive", "time").values
+        means = [mean_over(row, width=round(0.04 * rate)) for row in rows]
         smooth[name] = [row - np.median(row[rest]) for row in means]
     found: list[ForceProfile | None] = []
     for pace in paces:
@@ -152,11 +151,8 @@ def _at_paces(
             found.append(None)
             continue
         at = np.clip(np.rint((wanted - time[0]) * rate).astype(int), 0, time.size - 1)
-        forces, currents = (
-            np.array([row[at] for row in smooth[name]]).reshape(-1, at.size)
-            for name in ("drive_force", "drive_current")
-        )
-        found.append(ForceProfile(forces, currents))
+        profile = (np.array([r[at] for r in s]).reshape(-1, at.size) for s in smooth.values())
+        found.append(ForceProfile(*profile))
     return found
 
 
@@ -263,7 +259,7 @@ def rate_faults(seen: SeenThrow) -> Iterator[Fault]:
         return
     own = _at_paces(seen.dataset, seen.throw, PACES.tolist())
     away = [_misfits(p, profile) for p in own]
-    best = int(np.argmin([np.sqrt(np.mean(rows**2)) for rows in away]))
+    best = int(np.argmin([_rms(rows) for rows in away]))
     here = away[int(np.argmin(np.abs(np.log(PACES))))]
     pace = float(PACES[best])
     # An object that is met at once changes one force more than the others; a clock, all alike.
@@ -325,12 +321,13 @@ def swap_faults(seen: SeenThrow) -> Iterator[Fault]:
     ):
         if rows.shape != typical.shape:
             continue
+        # Inrush is common to all motors and identifies none.
+        own_part, part = (item[:, round(0.2 / EARLY_STEP) :] for item in (rows, typical))
+        straight = _rms(own_part - part)
         for one, two in combinations(range(len(rows)), 2):
-            swapped = rows.copy()
-            swapped[[one, two]] = rows[[two, one]]
-            straight = _distance(_loaded(rows), _loaded(typical))
-            crossed = _distance(_loaded(swapped), _loaded(typical))
-            # Inrush is common to all motors and identifies none.
+            swapped = own_part.copy()
+            swapped[[one, two]] = own_part[[two, one]]
+            crossed = _rms(swapped - part)
             if straight > seen.limits.swap_gain * crossed and np.isfinite(straight):
                 text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
                 channel = f"{key} {seen.drives[one]} and {seen.drives[two]}"
@@ -350,16 +347,8 @@ def _misfits(own: ForceProfile | None, typical: ForceProfile) -> Floats:
     return np.asarray(np.sqrt(np.mean((own.forces / gains - typical.forces) ** 2, axis=1)))
 
 
-def _loaded(rows: Floats) -> Floats:
-    """Return the part of a profile behind the inrush."""
-    return rows[:, round(0.2 / EARLY_STEP) :]
-
-
-def _distance(rows: Floats, typical: Floats) -> float:
-    """Return the root mean square difference of two profiles; infinite for different drives."""
-    if rows.shape != typical.shape:
-        return float("inf")
-    return float(np.sqrt(np.mean((rows - typical) ** 2)))
+def _rms(rows: Floats) -> float:
+    return float(np.sqrt(np.mean(rows**2)))
 
 
 LOAD_CELL = "object_force"
