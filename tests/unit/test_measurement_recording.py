@@ -7,10 +7,14 @@ from turnout.core.errors import MeasurementError
 from turnout.measurement.recording import RecordedChannel, Recording, on_grid, time_grid
 
 
+def channel_of(values: np.ndarray) -> RecordedChannel:
+    return RecordedChannel("a", "", values, rate=0.0)
+
+
 @pytest.mark.parametrize(("decimals", "rate"), [(9, 1000.0), (3, 1000.0), (4, 3000.0)])
 def test_a_rounded_time_column_is_even(decimals: int, rate: float) -> None:
     time = np.round(5.0 + np.arange(10_000) / rate, decimals)
-    channel, problem = on_grid(time_grid(time), "a", np.arange(10_000.0))
+    channel, problem = on_grid(time_grid(time), channel_of(np.arange(10_000.0)))
     assert problem == ""
     assert channel.rate == pytest.approx(rate, rel=1e-4)
     assert channel.start == 5.0
@@ -25,7 +29,7 @@ def test_times_coarser_than_the_samples_tell_no_rate() -> None:
 @pytest.mark.parametrize("lost", [[1], [5000], [9998], [40, 41, 42, 7000]])
 def test_missing_samples_become_nan(lost: list[int]) -> None:
     time = np.delete(np.arange(10_000) / 1000, lost)
-    channel, problem = on_grid(time_grid(time), "a", time.copy())
+    channel, problem = on_grid(time_grid(time), channel_of(time.copy()))
     assert np.flatnonzero(np.isnan(channel.values)).tolist() == lost
     assert channel.values.size == 10_000
     assert channel.rate == pytest.approx(1000, rel=1e-9)

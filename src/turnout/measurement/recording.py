@@ -1,7 +1,7 @@
 """A recording: evenly sampled channels, each with its own rate, and an overview of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,26 +183,15 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     return TimeGrid(start, step, index)
 
 
-def on_grid(
-    grid: TimeGrid,
-    name: str,
-    values: NDArray[np.float64],
-    *,
-    unit: str = "",
-    description: str = "",
-) -> tuple[RecordedChannel, str]:
-    """Make an even channel of samples; those that are missing become NaN.
+def on_grid(grid: TimeGrid, channel: RecordedChannel) -> tuple[RecordedChannel, str]:
+    """Make samples at the times of a column an even channel; those that are missing become NaN.
 
     Parameters
     ----------
     grid : TimeGrid
         Of the time column.
-    name : str
-        Name of the channel.
-    values : ndarray, shape (n,)
-        Samples, as many as the time column has.
-    unit, description : str
-        As in `RecordedChannel`.
+    channel : RecordedChannel
+        As many samples as the time column has; its rate and start are not used.
 
     Returns
     -------
@@ -214,22 +203,32 @@ def on_grid(
     Examples
     --------
     >>> time = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.6])
-    >>> channel, problem = on_grid(time_grid(time), "a", time)
+    >>> channel, problem = on_grid(time_grid(time), RecordedChannel("a", "s", time, rate=0.0))
     >>> channel.values, problem
     (array([0. , 0.1, 0.2, 0.3, nan, 0.5, 0.6]), '1 sample is missing at 0.4 s')
     """
-    rate, count = 1.0 / grid.step, int(grid.index[-1]) + 1
-    # 1 / 0.001 is not 1000: a rate within rounding of a whole one is that.
-    rate = float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate
-    lost = count - values.size
+    count = int(grid.index[-1]) + 1
+    channel = replace(channel, rate=whole_rate(1.0 / grid.step), start=grid.start)
+    lost = count - channel.values.size
     if not lost:
-        return RecordedChannel(name, unit, values, rate, grid.start, description), grid.remark
+        return channel, grid.remark
     filled = np.full(count, np.nan)
-    filled[grid.index] = values
+    filled[grid.index] = channel.values
     first = int(grid.index[np.argmax(np.diff(grid.index) > 1)]) + 1
     what = "1 sample is missing" if lost == 1 else f"{lost} samples are missing, the first"
-    channel = RecordedChannel(name, unit, filled, rate, grid.start, description)
-    return channel, f"{what} at {grid.start + first * grid.step:.6g} s"
+    at = grid.start + first * grid.step
+    return replace(channel, values=filled), f"{what} at {at:.6g} s"
+
+
+def whole_rate(rate: float) -> float:
+    """Return a rate within rounding of a whole one as that: 1 / 0.001 is not 1000.
+
+    Examples
+    --------
+    >>> whole_rate(1.0 / 0.001)
+    1000.0
+    """
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate
 
 
 def _check_rising(time: NDArray[np.float64]) -> None:
@@ -322,13 +321,9 @@ def overview(channel: RecordedChannel, *, steps: int = 40) -> ChannelOverview:
         mean = float(np.mean(values, where=there)) if some else np.nan
         span = largest - least
         scaled = (course - least) / span if span > 0 else np.where(np.isnan(course), np.nan, 0.5)
+    own = ("name", "unit", "description", "rate", "start", "duration")
     return ChannelOverview(
-        name=channel.name,
-        unit=channel.unit,
-        description=channel.description,
-        rate=channel.rate,
-        start=channel.start,
-        duration=channel.duration,
+        **{key: getattr(channel, key) for key in own},
         samples=values.size,
         missing=int(values.size - np.count_nonzero(there)),
         least=least,

@@ -313,9 +313,9 @@ def _judged(
     }
     usable: list[Usable] = []
     excluded: list[Excluded] = []
-    for run, piece in zip(runs, pieces, strict=True):
-        if isinstance(piece, TurnoutError):
-            problems = piece.problems if isinstance(piece, ListedError) else (str(piece),)
+    for run, cut in zip(runs, pieces, strict=True):
+        if isinstance(cut, TurnoutError):
+            problems = cut.problems if isinstance(cut, ListedError) else (str(cut),)
             excluded.append(Excluded(run, problems))
             continue
         expected = Expected(
@@ -323,10 +323,10 @@ def _judged(
             load_cell=run.load_cell and channel_map.object_force is not None,
             rate=usual,
             profile=typical.get(run.direction),
-            open_level=usual_levels.get((run.direction, piece.dataset.sizes["drive"])),
+            open_level=usual_levels.get((run.direction, cut.dataset.sizes["drive"])),
         )
-        found = judge_recording(piece.dataset, piece.throw, expected=expected, limits=limits)
-        kept, quality = without_dead_rods(piece, found)
+        found = judge_recording(cut.dataset, cut.throw, expected=expected, limits=limits)
+        kept, quality = without_dead_rods(cut, found)
         if quality.usable:
             usable.append((run, kept, quality))
         else:

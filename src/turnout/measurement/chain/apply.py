@@ -40,7 +40,7 @@ from turnout.measurement.chain.channel_map import (
     raw_unit,
 )
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
-from turnout.measurement.recording import RecordedChannel, Recording
+from turnout.measurement.recording import RecordedChannel, Recording, whole_rate
 
 # Arms that work in a bridge, as multiples of one gauge along the strain.
 FULL_BENDING, HALF_BENDING, QUARTER = 4.0, 2.0, 1.0
@@ -439,8 +439,7 @@ def raw_from_physical(dataset: xr.Dataset, channel_map: ChannelMap) -> Recording
     channels: dict[str, RecordedChannel] = {}
     problems = []
     # Summed over the whole run, so that rounding of single times does not matter.
-    rate = float((time.size - 1) / (time[-1] - time[0])) if time.size > 1 else 1.0
-    rate = float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate
+    rate = whole_rate(float((time.size - 1) / (time[-1] - time[0]))) if time.size > 1 else 1.0
     for key, dimension, sensor in sensors(channel_map):
         try:
             physical = _quantity(dataset, key)

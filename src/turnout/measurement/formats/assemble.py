@@ -89,6 +89,12 @@ class FileColumn:
     remark: str = ""
 
 
+def named_unit(heading: str, stated: str = "") -> tuple[str, str]:
+    """Return name and unit of a column; a unit that is stated beside its heading goes first."""
+    name, unit = split_unit(heading)
+    return name, tidy_unit(stated) or unit
+
+
 def split_unit(text: str) -> tuple[str, str]:
     """Split a heading such as "Rod 1 (mV/V)" into name and unit.
 
@@ -263,9 +269,10 @@ def _evened(
 ) -> tuple[RecordedChannel, tuple[str, ...]]:
     values, remark = _without_overload(np.ascontiguousarray(column.values, dtype=np.float64))
     if not values.size:
-        message = "it is empty: no sample was recorded"
+        message = "no sample was recorded"
         raise ValueError(message)
-    later = column.begin - origin if column.begin is not None else 0.0
+    channel = RecordedChannel(name, column.unit, values, 0.0, column.start, column.description)
+    mended = ""
     if column.time is None:
         if column.rate is None or not (np.isfinite(column.rate) and column.rate > 0):
             message = f"neither times nor a sample rate are known{remedy and '; ' + remedy}"
@@ -273,25 +280,23 @@ def _evened(
         if not np.isfinite(column.start):
             message = "the time of its first sample is no number"
             raise ValueError(message)
-        start = column.start + later
-        channel = RecordedChannel(name, column.unit, values, column.rate, start, column.description)
-        return channel, (remark, column.remark)
-    if column.time.size != values.size:
+        channel = replace(channel, rate=column.rate)
+    elif column.time.size != values.size:
         message = f"has {values.size} samples and {column.time.size} times"
         raise ValueError(message)
-    # Channels share a time column: its grid is found once.
-    key = id(column.time)
-    if key not in grids:
-        try:
-            grids[key] = time_grid(column.time)
-        except ValueError as error:
-            grids[key] = error
-    grid = grids[key]
-    if isinstance(grid, ValueError):
-        raise grid
-    channel, mended = on_grid(grid, name, values, unit=column.unit, description=column.description)
-    if later:
-        channel = replace(channel, start=channel.start + later)
+    else:
+        # Channels share a time column: its grid is found once.
+        key = id(column.time)
+        if key not in grids:
+            try:
+                grids[key] = time_grid(column.time)
+            except ValueError as error:
+                grids[key] = error
+        if isinstance(grid := grids[key], ValueError):
+            raise grid
+        channel, mended = on_grid(grid, channel)
+    if column.begin is not None:
+        channel = replace(channel, start=float(channel.start + (column.begin - origin)))
     return channel, (mended, remark, column.remark)
 
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.measurement.recording import whole_rate
+
 DAY, HOUR = 86_400.0, 3_600.0
 _UNIT_WORDS = {
     1.0: ("", "s", "sec", "secs", "second", "seconds", "sekunde", "sekunden", "sek"),
@@ -405,8 +407,7 @@ def _rates(
         if not (np.isfinite(rate) and rate > 0):
             message = f"'{shown}' is no rate; it must be more than 0 and finite"
             raise ValueError(message)
-        # 1 / 0.001 is not 1000: a rate within rounding of a whole one is that.
-        found.append(float(round(rate)) if abs(rate - round(rate)) < 1e-9 * rate else rate)
+        found.append(whole_rate(rate))
     return tuple(found[:1] if len(set(found)) == 1 else found)
 
 

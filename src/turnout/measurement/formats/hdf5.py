@@ -18,7 +18,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, refused_of
-from turnout.core.problems import choices
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import is_time_name, is_time_unit
@@ -189,7 +188,6 @@ class _Found:
         self.units: dict[str, str] = {}
         self.texts: dict[str, list[str]] = {}
         self.columns: list[FileColumn] = []
-        self.empty: list[str] = []
         self.problems: list[str] = []
 
     def recording(self, attributes: dict[str, Any]) -> Recording:
@@ -200,7 +198,7 @@ class _Found:
             [*self.columns, *columns],
             source=self.source,
             start_time=_first(attributes, START_TIMES) or None,
-            problems=[*self.problems, *problems, *_empty(self.empty)],
+            problems=[*self.problems, *problems],
             remedy=NO_TIME,
         )
 
@@ -221,7 +219,7 @@ class _Found:
         if held.dtype.kind not in "biuf" or held.ndim > 2:
             return
         if not held.size:
-            self.empty.append(name)
+            self.columns.append(FileColumn(name, np.zeros(0)))
             return
         last = name.rsplit("/", 1)[-1]
         clock = stated_clock(attributes, own=True)
@@ -318,14 +316,6 @@ def hdf5_bytes(recording: Recording) -> bytes:
             item.attrs["start"] = channel.start
             item.attrs["description"] = channel.description
     return content.getvalue()
-
-
-def _empty(names: list[str]) -> list[str]:
-    """Name the datasets that hold no sample."""
-    if not names:
-        return []
-    what = "is empty" if len(names) == 1 else "are empty"
-    return [f"dataset{'s' if len(names) > 1 else ''} {choices(names)} {what}: no sample recorded"]
 
 
 def _first(attributes: dict[str, Any], keys: tuple[str, ...]) -> str:

@@ -13,8 +13,7 @@ from turnout.core.errors import FileError, refused_of
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    split_unit,
-    tidy_unit,
+    named_unit,
 )
 from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
@@ -94,8 +93,8 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
     named = not all(name.isdigit() for name in table)
     columns = []
     for name, cells in table.items():
-        bare, unit = split_unit(name if named else "")
-        columns.append(TableColumn(bare, cells, tidy_unit(units.get(name, "")) or unit))
+        bare, unit = named_unit(name if named else "", units.get(name, ""))
+        columns.append(TableColumn(bare, cells, unit))
     return Table(columns, stated, str(path), named=named, remedy=NO_TIME)
 
 
@@ -195,8 +194,7 @@ def _channels(held: list[Any], stated: StatedClock, source: str) -> list[FileCol
         name = next((str(item[keys[k]]) for k in _NAMES if k in keys), None)
         if name is None or not isinstance(values, list) or not _are_numbers(values):
             return []
-        bare, unit = split_unit(name)
-        unit = tidy_unit(next((str(item[keys[k]]) for k in _UNITS if k in keys), unit))
+        bare, unit = named_unit(name, next((str(item[keys[k]]) for k in _UNITS if k in keys), ""))
         times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
         own = StatedClock()
         for key, value in item.items():

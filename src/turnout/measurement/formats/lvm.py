@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
-from turnout.measurement.formats.assemble import split_unit, tidy_unit
+from turnout.measurement.formats.assemble import named_unit
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.numbers import numbers
@@ -65,7 +65,6 @@ def read_lvm(path: Path) -> Table:
         if place not in places and not with_times:
             continue
         cells = [row[place] if place < len(row) else "" for row in body[1:]]
-        bare, unit = split_unit(name)
         number = sum(item < place for item in places)
         if place not in places:
             own_times = numbers(cells, decimal)[0] + later[min(number, later.size - 1)]
@@ -75,7 +74,7 @@ def read_lvm(path: Path) -> Table:
             filled = sum(bool(cell.strip()) for cell in cells)
             even = later[number] + steps[min(number, len(steps) - 1)] * np.arange(filled)
             columns.append(TableColumn("Time", even, "s"))
-        unit = tidy_unit(units[number]) if number < len(units) and units[number] else unit
+        bare, unit = named_unit(name, units[number] if number < len(units) else "")
         columns.append(TableColumn(bare, np.array(cells, dtype=object), unit))
     return Table(columns, stated, str(path), decimal=decimal, alone=False)
 

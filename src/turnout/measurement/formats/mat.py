@@ -18,8 +18,7 @@ from turnout.core.errors import FileError, refused_of
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    split_unit,
-    tidy_unit,
+    named_unit,
 )
 from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.extent import MOST_CHANNELS
@@ -156,8 +155,7 @@ def _tables(
         given = [value.index] if value.index.dtype.kind in "mM" else []
         cells = [TableColumn("Time", np.asarray(index)) for index in given]
         for place, label in enumerate(value.columns):
-            bare, unit = split_unit(str(label))
-            unit = tidy_unit(units[place]) if place < len(units) and units[place] else unit
+            bare, unit = named_unit(str(label), units[place] if place < len(units) else "")
             cells.append(TableColumn(bare, np.asarray(value[label]), unit))
         table = Table(cells, stated_clock(single), f"'{name}'", alone=False)
         try:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.measurement.formats.assemble import FileColumn, split_unit, tidy_unit
+from turnout.measurement.formats.assemble import FileColumn, named_unit, split_unit
 from turnout.measurement.formats.clock import (
     StatedClock,
     is_numbered_channel,
@@ -91,8 +91,8 @@ def columns_of_arrays(
                 named.discard(name)
                 continue
             try:
-                bare, unit = split_unit(_last(name))
-                unit = units.get(name, "") or unit
+                bare, own = split_unit(_last(name))
+                unit = units.get(name, "") or own
                 times[name] = numeric_axis(vector.astype(np.float64), name=bare, unit=unit)
             except ValueError as error:
                 problems.append(f"array '{name}' is not used as time: {error}")
@@ -104,13 +104,10 @@ def columns_of_arrays(
         vector, clock = flat[name], _clock_of(name, stated)
         if name in named or (vector is not None and vector.size == 1):
             continue
-        if not array.size:
-            problems.append(f"array '{name}' is empty: no sample recorded")
-            continue
         if vector is not None:
             shown, axis = labels.get(name) or _named(name), _time_of(name, vector.size, times)
-            unit = units.get(name, "") or split_unit(_last(name))[1]
-            columns.append(_timed(shown, vector, tidy_unit(unit), axis, clock))
+            _, unit = named_unit(_last(name), units.get(name, ""))
+            columns.append(_timed(shown, vector, unit, axis, clock))
         elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
             columns += _of_matrix(name, array, texts, times, clock, labels.get(name) or name)
         else:
@@ -182,7 +179,7 @@ def _timed(
 
 
 def _vector(array: NDArray[Any]) -> NDArray[Any] | None:
-    return array.reshape(-1) if array.size == max((*array.shape, 1)) else None
+    return array.reshape(-1) if array.size in (0, max((*array.shape, 1))) else None
 
 
 def _last(name: str) -> str:
@@ -255,9 +252,9 @@ def _of_matrix(
         time, first = numeric_axis(given, name=bare, unit=units[0] or unit), 1
     columns = []
     for number in range(first, count):
-        shown, unit = split_unit(names[number])
+        shown, unit = named_unit(names[number], units[number])
         values = np.ascontiguousarray(table[:, number], dtype=np.float64)
-        columns.append(_timed(shown, values, tidy_unit(units[number] or unit), time, clock))
+        columns.append(_timed(shown, values, unit, time, clock))
     return columns
 
 

@@ -13,7 +13,7 @@ from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    split_unit,
+    named_unit,
     tidy_unit,
 )
 from turnout.measurement.formats.channel_table import table_columns
@@ -201,8 +201,8 @@ def _tdms_group(
             problems.append(f"channel '{name}' is left out: {error}")
             continue
         if rate is None or values.dtype.kind == "M":
-            bare, inner = split_unit(channel.name)
-            column = TableColumn(bare, values, unit or inner, described[1])
+            bare, unit = named_unit(channel.name, unit)
+            column = TableColumn(bare, values, unit, described[1])
             tables.setdefault(values.size, []).append(column)
             continue
         begin = (
@@ -316,22 +316,18 @@ def read_parquet(path: Path) -> Table:
     held = file.read()
     columns = []
     for field, column in zip(held.schema, held.columns, strict=True):
-        name, unit = split_unit("" if field.name.startswith("__index_level_") else field.name)
-        unit = tidy_unit(_text_of(field.metadata, "unit") or unit)
-        description = _text_of(field.metadata, "description") or ""
+        heading = "" if field.name.startswith("__index_level_") else field.name
+        name, unit = named_unit(heading, _text_of(field.metadata, "unit"))
+        description = _text_of(field.metadata, "description")
         columns.append(TableColumn(name, column.to_numpy(), unit, description))
     # pandas puts its index behind the columns.
     columns.sort(key=lambda column: bool(column.name))
+    metadata = held.schema.metadata or {}
     stated = stated_clock(
-        {
-            k.decode(errors="replace"): v
-            for k, v in (held.schema.metadata or {}).items()
-            if len(v) < 100
-        }
+        {k.decode(errors="replace"): v for k, v in metadata.items() if len(v) < 100}
     )
     return Table(columns, stated, str(path), remedy=NO_PARQUET_TIME)
 
 
-def _text_of(metadata: Any, key: str) -> str | None:
-    value = (metadata or {}).get(key.encode())
-    return value.decode("utf-8", "replace") if value else None
+def _text_of(metadata: Any, key: str) -> str:
+    return str((metadata or {}).get(key.encode(), b"").decode("utf-8", "replace"))

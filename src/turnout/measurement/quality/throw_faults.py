@@ -319,7 +319,7 @@ def swap_faults(seen: SeenThrow) -> Iterator[Fault]:
         ("drive_force", own.forces, profile.forces),
         ("drive_current", own.currents, profile.currents),
     ):
-        if rows.shape != typical.shape:
+        if rows.shape != typical.shape or not rows.size:
             continue
         # Inrush is common to all motors and identifies none.
         own_part, part = (item[:, round(0.2 / EARLY_STEP) :] for item in (rows, typical))
