@@ -143,7 +143,7 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
     system = condensed_system(parts, given)
     table = shared_record(place_laws(given, system.row_place))
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
-    record = empty_record(system, table, 1, velocity=False, watched=None)
+    record = empty_record(system, table, 1, velocity=False)
     beside = shared_record(no_obstructions()), shared_record(no_courses())
     run = Run(system, table, new_work(system, table), OPTIONS, np.zeros((1, 2)), record, *beside)
     assemble_level(run, state, 0, INERTIA, VISCOSITY)

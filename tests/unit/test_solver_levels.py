@@ -9,10 +9,10 @@ from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.solver.arrange import Arrangement, arrange, clear_levels, clear_memory
+from turnout.solver.arrange import Arrangement, arrange
 from turnout.solver.columns import READY, STALE
 from turnout.solver.march import switch_level
-from turnout.solver.prepared_run import give_back, prepare, set_up_run
+from turnout.solver.prepared_run import clear_buffers, clear_memory, give_back, prepare, set_up_run
 from turnout.solver.state import Run, State
 
 PANEL = load_panel("sb2")  # its records are known by identity
@@ -65,7 +65,7 @@ def _without_memory() -> None:
 
 
 def test_the_only_throw_of_some_rails_leaves_nothing() -> None:
-    clear_levels()
+    clear_buffers()
     clear_memory()
     given_back()
     assert not prepared("x = 3.61 m").state.level_ready.any()
@@ -77,7 +77,7 @@ def test_another_place_of_an_object_gives_the_bits_of_a_new_compliance() -> None
     assert moved.state.level_ready[list(LEVELS)].tolist() == [STALE, STALE]
     found = assembled(moved)
     assert moved.state.level_ready[list(LEVELS)].tolist() == [READY, READY]
-    clear_levels()
+    clear_buffers()
     fresh = assembled(prepared("x = 2.17 m"))
     np.testing.assert_array_equal(found, fresh)
     assert np.count_nonzero(elsewhere != fresh) > 100
@@ -113,7 +113,7 @@ def test_nothing_of_a_run_is_left_in_its_memory() -> None:
     first.give_back()
     again = prepared("x = 3.61 m")
     assert (again.state, again.run.work) == used
-    clear_levels()
+    clear_buffers()
     fresh = prepared("x = 3.61 m")
     assert fresh.state is not again.state
     np.testing.assert_array_equal(again.state.memory, fresh.state.memory)

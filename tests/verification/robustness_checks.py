@@ -69,7 +69,7 @@ def run_scenario(scenario: Scenario, *, step: float | None = None) -> Run:
 
     def keeping(plan: RunPlan, **named: Any) -> History:
         history = carry_out(plan, **named)
-        kept.append((plan.mechanism, history))
+        kept.append((plan.setup.arrangement.mechanism, history))
         return history
 
     with patch.object(simulate_module, "carry_out", keeping):

@@ -27,7 +27,6 @@ from turnout.core.scheme import Scheme
 from turnout.kernels.shared_record import record_like, shared_record
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.columns import READY, STALE
 from turnout.solver.condense import (
     BasePlaces,
     BlockModel,
@@ -40,9 +39,9 @@ from turnout.solver.condense import (
     sum_at_rows,
 )
 from turnout.solver.modal import ModalModel
-from turnout.solver.state import Options, State, StepRecord, Work, release_buffers
 from turnout.solver.system import (
     PLACED,
+    Floats,
     Ints,
     Places,
     System,
@@ -53,8 +52,6 @@ from turnout.solver.system import (
     place_laws,
     refill_system,
 )
-
-Templates = dict[tuple[int, int], tuple[State, Work]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,95 +64,17 @@ class Frame:
         Of one arrangement.
     places : Places
         Of its ends, modes and rows.
-    templates : dict
-        States at rest and scratch arrays, by numbers of inputs and of levels, for runs to copy;
-        rails of other sections share them.
+    fresh : dict
+        Vectors of a state at rest and of scratch arrays, by numbers of inputs and of levels; rails
+        of other sections share them.
     feet : dict
         Modes at the feet of frictions whose curves follow speed, by the rows of the frictions.
     """
 
     system: System
     places: Places
-    templates: Templates
+    fresh: dict[tuple[int, int], tuple[Floats, ...]]
     feet: dict[bytes, dict[str, NDArray[Any]]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RunMemory:
-    """Memory of a run that has ended.
-
-    Attributes
-    ----------
-    frame : Frame
-        What systems have in common that differ in the places of objects alone.
-    system : System
-        Of the run.
-    state : State
-        Whose compliances are known.
-    work : Work
-        Scratch arrays.
-    ready : ndarray of int, shape (n_levels,)
-        Which of the compliances are known for this system.
-    record : StepRecord, optional
-        Of a run whose stored instants are of no more use.
-    """
-
-    frame: Frame  # its templates are kept alive, since the key names them by their identity
-    system: System
-    state: State
-    work: Work
-    ready: Ints
-    record: StepRecord | None
-
-    def ready_for(self, system: System, frame: Frame) -> Ints:
-        """Return which of the compliances are known for a system."""
-        if self.system is system:
-            return self.ready
-        if self.frame is not frame:
-            return np.zeros_like(self.ready)
-        return np.where(self.ready == READY, STALE, self.ready)
-
-
-_kept = LRUCache[RunMemory](24)  # three megabytes each in quick mode
-
-
-def take_memory(frame: Frame, options: Options, sizes: tuple[int, ...]) -> RunMemory | None:
-    """Take the memory of a run; None where there is none.
-
-    Parameters
-    ----------
-    frame : Frame
-        As of `RunMemory`.
-    options : Options
-        The lengths of its steps.
-    sizes : tuple of int
-        Numbers of its inputs and levels.
-    """
-    return _kept.pop(_key(frame, options, sizes))
-
-
-def give_back_memory(
-    frame: Frame,
-    system: System,
-    options: Options,
-    state: State,
-    work: Work,
-    record: StepRecord | None = None,
-) -> None:
-    """Give back the memory of a run that has ended."""
-    sizes = state.inputs.size, state.level_ready.size
-    memory = RunMemory(frame, system, state, work, state.level_ready.copy(), record)
-    _kept.put(_key(frame, options, sizes), memory)
-
-
-def clear_levels() -> None:
-    """Forget all memory of runs."""
-    _kept.clear()
-
-
-def _key(frame: Frame, options: Options, sizes: tuple[int, ...]) -> Hashable:
-    numbers = (options.step, options.alpha_m, options.alpha_f, options.beta, options.gamma)
-    return (id(frame.templates), *numbers, *sizes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +135,7 @@ class _SystemLayout:
     system: System
     places: Places
     leading: tuple[Leading, ...]
-    templates: Templates
+    fresh: dict[tuple[int, int], tuple[Floats, ...]]
 
 
 class _Indices(NamedTuple):
@@ -262,13 +181,11 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     return replace(found, mechanism=mechanism, laws=laws, table=table, known=True)
 
 
-def clear_memory() -> None:
-    """Clear the cache of condensed mechanisms, and release the buffers of histories."""
+def clear_arrangements() -> None:
+    """Clear the cache of condensed mechanisms."""
     _rails_cache.clear()
     _indices.clear()
     _layouts.clear()
-    clear_levels()
-    release_buffers()
 
 
 def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
@@ -327,7 +244,7 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     if frame is None:
         layout, system = _laid_out(parts, laws, structure, fixed_rows=first)
         known = system is not layout.system
-        rails.frames[joined] = frame = Frame(system, layout.places, layout.templates)
+        rails.frames[joined] = frame = Frame(system, layout.places, layout.fresh)
     else:
         system = move_added_ends(frame.system, parts, laws, frame.places)
     row_stiffness = sum_at_rows(laws, folded_stiffness(laws), mechanism.n_rows)
@@ -401,7 +318,7 @@ def _without_objects(mechanism: Mechanism) -> Mechanism:
 
 
 def _with_objects(
-    parts: tuple[BlockModel, ...], rows: NDArray[np.float64] | None, *, first: int
+    parts: tuple[BlockModel, ...], rows: Floats | None, *, first: int
 ) -> tuple[tuple[BlockModel, ...], Hashable]:
     """Add the rows of objects, numbered from `first` on, to the blocks they reach into.
 

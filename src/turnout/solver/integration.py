@@ -17,7 +17,7 @@ from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
 from turnout.solver.accuracy import equilibrium_residual
-from turnout.solver.arrange import Arrangement, arrange
+from turnout.solver.arrange import arrange
 from turnout.solver.condense import CondensedRails
 from turnout.solver.driven import (
     MachineHistory,
@@ -42,12 +42,11 @@ from turnout.solver.prepared_run import (
     set_up_run,
 )
 from turnout.solver.record import (
-    Watch,
+    SaveAt,
     Watched,
-    WatchPlan,
     interpolate_record,
     kept_obstructions,
-    plan_watch,
+    plan_saving,
     rest_instants,
     seen_weights,
     trim_record,
@@ -64,7 +63,7 @@ from turnout.solver.start import (
     settle,
     start_energy_balance,
 )
-from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS, Run, State, StepRecord
+from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS, Run, State
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -151,7 +150,7 @@ def integrate(
     end: float,
     prior: PriorMotion | None = None,
     report: Callable[[int, int], None] | None = None,
-    watch: Watch | None = None,
+    save_at: SaveAt | None = None,
 ) -> History:
     """Find where the run starts, then step to `end`.
 
@@ -170,7 +169,7 @@ def integrate(
         without friction.
     report : callable, optional
         Called with steps done and steps in all.
-    watch : Watch, optional
+    save_at : SaveAt, optional
         What alone is wanted of the run. It is not heeded where instants lie between the steps.
 
     Returns
@@ -179,7 +178,7 @@ def integrate(
         Complete, or up to where `outcome` says that it ended.
     """
     with one_blas_thread():  # nested limits are free
-        plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, watch=watch)
+        plan = plan_run(mechanism, scheme, inputs=inputs, end=end, prior=prior, save_at=save_at)
         return carry_out(plan, report=report)
 
 
@@ -189,8 +188,6 @@ class RunPlan:
 
     Attributes
     ----------
-    mechanism : Mechanism
-        Reduced rails and their laws.
     scheme : Scheme
         Numerical choices.
     inputs : callable
@@ -198,20 +195,16 @@ class RunPlan:
     grid : Grid
         Its steps and stored instants.
     setup : RunSetup
-        The condensed mechanism, its laws, and numbers of the run.
+        The condensed mechanism, its laws, numbers of the run, and what alone is saved of it.
     start : StartPlan, optional
         The motion before the start.
-    watched : WatchPlan, optional
-        What alone is kept, and where.
     """
 
-    mechanism: Mechanism
     scheme: Scheme
     inputs: Callable[[Floats], Floats]
     grid: Grid
     setup: RunSetup
     start: StartPlan | None
-    watched: WatchPlan | None
 
 
 def plan_run(
@@ -221,7 +214,7 @@ def plan_run(
     inputs: Callable[[Floats], Floats],
     end: float,
     prior: PriorMotion | None = None,
-    watch: Watch | None = None,
+    save_at: SaveAt | None = None,
     waits: Sequence[Wait] = (),
 ) -> RunPlan:
     """Do all of `integrate` that comes before its kernels; parameters are the same.
@@ -240,36 +233,22 @@ def plan_run(
     with one_blas_thread():
         grid = choose_grid(mechanism, scheme, end, waits)
         arrangement = arrange(mechanism, scheme)
-        watched = None
-        if watch is not None and not grid.filled_in:
+        plan = None
+        if save_at is not None and not grid.filled_in:
             interval, further = scheme.step * grid.stride, 0
             if (machines := mechanism.machines) is not None:
-                further = most_places(machines, grid, watch.whole)
+                further = most_places(machines, grid, save_at.whole)
             places, laws = arrangement.system.row_place, arrangement.laws
-            weights = seen_weights(watch.seen(arrangement.condensed), laws, places)
-            watched = (plan_watch(watch, interval, grid.n_stored, further=further), weights)
+            weights = seen_weights(save_at.seen(arrangement.condensed), laws, places)
+            plan = plan_saving(save_at, weights, interval, grid.n_stored, further=further)
         positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.room + 1)).T)
         if mechanism.machines is not None:
             positions = positions.copy()  # machines write to them, and throws may share them
         # before the table gets the dents that objects have already
         start = None if prior is None else plan_start(arrangement, scheme, prior)
-        setup = set_up_run(
-            arrangement,
-            scheme,
-            positions,
-            grid.n_stored,
-            filled_in=grid.filled_in,
-            watched=watched,
-        )
-        return RunPlan(
-            mechanism=mechanism,
-            scheme=scheme,
-            inputs=inputs,
-            grid=grid,
-            setup=setup,
-            start=start,
-            watched=None if watched is None else watched[0],
-        )
+        given = arrangement, scheme, positions, grid.n_stored
+        setup = set_up_run(*given, filled_in=grid.filled_in, save=plan)
+        return RunPlan(scheme, inputs, grid, setup, start)
 
 
 @lru_cache(maxsize=16)
@@ -287,10 +266,10 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
 
 
 def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
-    mechanism, scheme, inputs = given.mechanism, given.scheme, given.inputs
-    grid, plan, arrangement = given.grid, given.watched, given.setup.arrangement
-    positions, stride = given.setup.positions, grid.stride
-    (run, state), pauses = prepare(given.setup), tuple[Pause, ...]()
+    scheme, inputs, grid, setup = given.scheme, given.inputs, given.grid, given.setup
+    arrangement, plan, stride = setup.arrangement, setup.save, grid.stride
+    mechanism, pauses = arrangement.mechanism, tuple[Pause, ...]()
+    run, state = prepare(setup)
     rods = new_rods(run, mechanism, scheme, grid.n_stored)
     _compile_march(run, state, rods, after_motion=given.start is not None)
     code, done = find_start(run, state, arrangement, given.start), 0
@@ -302,7 +281,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         def march(first: int, last: int) -> tuple[Code, int]:
             return _march_in_chunks(run, state, rods, (first, last, grid.n_steps), report)
 
-        ends = () if plan is None else plan.watch.whole
+        ends = () if plan is None else plan.save.whole
         code, done, pauses = march_schedule(run, rods, grid, inputs, march, ends)
     kept = 0 if code in WITHOUT_START else done // stride + 1
     booked = slice(kept) if plan is None else plan.places_of(2, kept)
@@ -325,7 +304,7 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     )
     record = trim_record(run.record, run.system, run.table, kept, plan)
     instants = _times(scheme.step * stride, grid.n_stored)[:kept]
-    positions = positions[::stride][:kept].view()
+    positions = setup.positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
         last = min(grid.last + sum(item.length for item in pauses), instants[-1])
         count = int((last + 1e-9) / scheme.output_interval) + 1
@@ -337,38 +316,20 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
         between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
     positions.flags.writeable = False  # throws may share them
-    history = _assemble_history(
-        run, state, record, arrangement, outcome, instants, positions, machines, plan
-    )
-    give_back(arrangement, run, state)
-    return history
-
-
-def _assemble_history(
-    run: Run,
-    state: State,
-    record: StepRecord,
-    arrangement: Arrangement,
-    outcome: Outcome,
-    instants: Floats,
-    positions: Floats,
-    machines: MachineHistory | None,
-    plan: WatchPlan | None,
-) -> History:
-    """Return a history, of a watched run one of its whole instants with what was watched."""
-    watched = None
     placed = state.law_placed.copy()
     first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
+    watched = None
     if plan is not None:
         if outcome.complete:
             rests = plan.rests
             if machines is not None:
                 onsets = [item.begin + item.length for item in machines.pauses[:-1]]
-                rests = rest_instants(instants, sorted({*plan.watch.taken, *onsets}))
+                rests = rest_instants(instants, sorted({*plan.save.taken, *onsets}))
             every = {"time": instants, "inputs": positions, "law_first": first, "rests": rests}
             watched = trim_watched(run.record, plan, **every, law_placed=placed)
         whole = plan.whole(instants.size)
         instants, positions = instants[whole], positions[whole]
+    give_back(arrangement, run, state)
     return History(
         time=instants,
         inputs=positions,

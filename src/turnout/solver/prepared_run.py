@@ -5,34 +5,39 @@ for it is in the processor's caches; state and scratch arrays are those of the r
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import MechanicsError, SolverError
+from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
 from turnout.kernels.lanes import whole_lines, zeros_in_lines
-from turnout.kernels.shared_record import clone_record, copy_vectors, shared_record
+from turnout.kernels.shared_record import SharedRecord, shared_record
 from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
-from turnout.solver.arrange import Arrangement, Frame, give_back_memory, take_memory
-from turnout.solver.record import SeenWeights, WatchPlan, empty_record
+from turnout.solver.arrange import (
+    Arrangement,
+    Frame,
+    clear_arrangements,
+)
+from turnout.solver.columns import READY, STALE
+from turnout.solver.record import SavePlan, empty_record
 from turnout.solver.state import (
     Options,
     Run,
     State,
     StepRecord,
     Work,
-    fresh_copy,
     fresh_state,
     new_work,
-    refill_state,
+    release_buffers,
 )
 from turnout.solver.system import System, as_unsigned
 
@@ -180,8 +185,8 @@ class RunSetup:
         Laws with memory.
     courses : FrictionCourses
         Friction along the stroke.
-    record : StepRecord, optional
-        Of a watched run, which is small; others get theirs when they begin.
+    save : SavePlan, optional
+        Which instants are stored whole and kept, and what is seen of these; default all of them.
     """
 
     arrangement: Arrangement
@@ -192,7 +197,7 @@ class RunSetup:
     velocity: bool
     obstructions: Obstructions
     courses: FrictionCourses
-    record: StepRecord | None
+    save: SavePlan | None
 
 
 def set_up_run(
@@ -202,7 +207,7 @@ def set_up_run(
     n_stored: int,
     *,
     filled_in: bool = False,
-    watched: tuple[WatchPlan, SeenWeights] | None = None,
+    save: SavePlan | None = None,
     table: LawTable | None = None,
 ) -> RunSetup:
     """Set up a run.
@@ -219,49 +224,119 @@ def set_up_run(
         Instants of the record.
     filled_in : bool
         Whether instants between the steps are wanted, which needs velocities.
-    watched : tuple of WatchPlan and SeenWeights, optional
-        Which instants are stored whole and kept, and what is seen of these; default all of them.
+    save : SavePlan, optional
+        As of `RunSetup`.
     table : LawTable, optional
         Laws by places, in place of those of the arrangement.
     """
     table = arrangement.table if table is None else table
-    mechanism, velocity = arrangement.mechanism, filled_in and scheme.inertia
-    record = None
-    if watched is not None:
-        system = arrangement.system
-        record = empty_record(system, table, n_stored, velocity=velocity, watched=watched)
+    mechanism = arrangement.mechanism
     return RunSetup(
         arrangement=arrangement,
         table=table,
         options=Options.of(scheme),
         positions=positions,
         n_stored=n_stored,
-        velocity=velocity,
+        velocity=filled_in and scheme.inertia,
         obstructions=_set_up_obstructions(mechanism.obstructions, table),
         courses=_set_up_courses(mechanism.courses, arrangement.frame, table),
-        record=record,
+        save=save,
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Buffers:
+    """Memory of a run that has ended, for the next one of these rails.
+
+    Attributes
+    ----------
+    frame : Frame
+        Of its rails.
+    system : System
+        For which the compliances in the state are known.
+    state, work : State, Work
+        Of the run.
+    record : StepRecord, optional
+        Of a run whose stored instants are of no more use.
+    """
+
+    frame: Frame  # kept alive, since the key of the memory names what is in it by its identity
+    system: System
+    state: State
+    work: Work
+    record: StepRecord | None
+
+    def ready_for(self, arrangement: Arrangement) -> NDArray[np.int64]:
+        """Return which of the compliances are known for a system, shape (n_levels,)."""
+        ready = self.state.level_ready.copy()
+        if self.system is arrangement.system:
+            return ready
+        return np.where(ready == READY, STALE, ready) * (self.frame is arrangement.frame)
+
+
+_kept = LRUCache[Buffers](24)  # three megabytes each in quick mode
+
+
+def _key(frame: Frame, options: Options, n_inputs: int) -> Hashable:
+    """Return what memory is laid out by."""
+    lengths = options.step, options.alpha_m, options.alpha_f, options.beta, options.gamma
+    return (id(frame.fresh), *lengths, options.halvings, n_inputs)
+
+
 def prepare(setup: RunSetup) -> tuple[Run, State]:
-    """Give a run that was set up its state, scratch arrays and record; nothing has moved yet."""
-    system, table, count = setup.arrangement.system, setup.table, setup.n_stored
-    state, work, record = _copy_templates(setup)
+    """Give a run that was set up its state, scratch arrays and record; nothing has moved yet.
+
+    Their memory is that of a run before, where there is one.
+    """
+    arrangement, table, count = setup.arrangement, setup.table, setup.n_stored
+    system, n_inputs = arrangement.system, setup.positions.shape[1]
+    levels = setup.options.halvings + 2  # halvings, and no inertia
+    fresh, kept = (
+        arrangement.frame.fresh,
+        _kept.pop(_key(arrangement.frame, setup.options, n_inputs)),
+    )
+    if kept is None:
+        state = fresh_state(system, table, n_inputs=n_inputs, levels=levels)
+        work, record = new_work(system, table), None
+        fresh[n_inputs, levels] = tuple(_vectors(of).copy() for of in (state, work))
+    else:
+        state, work, record, ready = kept.state, kept.work, kept.record, kept.ready_for(arrangement)
+        _vectors(state)[:], _vectors(work)[:] = fresh[n_inputs, levels]
+        state.level_ready[:] = ready
     state.inputs[:] = setup.positions[0]
-    if setup.record is not None:
-        record = setup.record
-    elif record is None or record.q.shape[0] != count or setup.velocity:
-        record = empty_record(system, table, count, velocity=setup.velocity, watched=None)
+    if record is None or record.q.shape[0] != count or setup.velocity or setup.save is not None:
+        record = empty_record(system, table, count, velocity=setup.velocity, plan=setup.save)
     record.residual[:] = 0.0
     given = setup.options, setup.positions, record, setup.obstructions, setup.courses
     return Run(system, table, work, *given), state
 
 
+def _vectors(record: State | Work) -> Floats:
+    """Return the memory of the vectors of a record."""
+    return cast("SharedRecord", record).memory
+
+
 def give_back(arrangement: Arrangement, run: Run, state: State, *, record: bool = False) -> None:
-    """Give back, at its end, what another run of these rails can use; maybe its record too."""
+    """Give back, at its end, what another run of these rails can use; maybe its record too.
+
+    Rails of which there is a single throw give nothing back.
+    """
     if arrangement.known:
-        memory = (state, run.work, run.record if record else None)
-        give_back_memory(arrangement.frame, run.system, run.options, *memory)
+        memory = (run.system, state, run.work, run.record if record else None)
+        key = _key(arrangement.frame, run.options, state.inputs.size)
+        _kept.put(key, Buffers(arrangement.frame, *memory))
+
+
+def clear_buffers() -> None:
+    """Forget all memory of runs."""
+    _kept.clear()
+
+
+def clear_memory() -> None:
+    """Clear the cache of condensed mechanisms, and release the memory of runs and histories."""
+    clear_arrangements()
+    clear_buffers()
+    release_buffers()
 
 
 def _set_up_obstructions(given: Obstructions, table: LawTable) -> Obstructions:
@@ -320,25 +395,3 @@ def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
 @cache
 def _without_courses() -> FrictionCourses:
     return shared_record(no_courses())
-
-
-def _copy_templates(setup: RunSetup) -> tuple[State, Work, StepRecord | None]:
-    """Return a state at rest and scratch arrays, copied from the templates.
-
-    Their memory is that of a run before, where there is one, and the record that one left.
-    """
-    arrangement, table, options = setup.arrangement, setup.table, setup.options
-    sizes = setup.positions.shape[1], options.halvings + 2  # levels: halvings, and no inertia
-    frame = arrangement.frame
-    template = frame.templates.get(sizes)
-    if template is None:
-        n_inputs, levels = sizes
-        fresh = fresh_state(arrangement.system, table, n_inputs=n_inputs, levels=levels)
-        template = frame.templates[sizes] = fresh, new_work(arrangement.system, table)
-    state, work = template
-    memory = take_memory(frame, options, sizes)
-    if memory is None:
-        return fresh_copy(state), clone_record(work), None
-    refill_state(memory.state, state, memory.ready_for(arrangement.system, frame))
-    copy_vectors(work, memory.work)
-    return memory.state, memory.work, memory.record

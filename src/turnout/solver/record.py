@@ -26,10 +26,10 @@ friction and energies. The laws that act all the time are evaluated at the new d
 that they hold between the steps too.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,26 +78,14 @@ class SeenRows:
     load: Floats
 
 
-class SeenWeights(NamedTuple):
-    """Weights of seen displacements as the kernel takes them, see `StepRecord`."""
-
-    seen_load: Floats
-    stored_list: Ints
-    stored_rows: Floats
-    mode_list: Ints
-    mode_rows: Floats
-    law_list: Ints
-    law_places: Ints
-    law_rows: Floats
-    friction_list: Ints
-    friction_rows: Floats
-
+Weights = Mapping[str, NDArray[Any]]
+"""Weights of seen displacements as the kernel takes them, by the fields of `StepRecord`."""
 
 # Rails with their objects and rows of laws are shared by many throws.
-_weights = LRUCache[tuple[SeenWeights, object]](128)  # some 10 kB each
+_weights = LRUCache[tuple[Weights, object]](128)  # some 10 kB each
 
 
-def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights:
+def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> Weights:
     """Return the weights of what is seen; found once where what they are made of is the same.
 
     Parameters
@@ -120,16 +108,13 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> SeenWeights
     seen_load[:count] = seen.load
     stored, mode = _listed(seen.stored, None, width), _listed(seen.modes, None, width)
     law, friction = _listed(forces, laws.row, width), _listed(forces, laws.friction_row, width)
-    made = SeenWeights(
-        seen_load,
-        as_unsigned(row_place[stored[0]].astype(np.int64)),
-        stored[1],
-        *mode,
-        law[0],
-        as_unsigned(row_place[laws.row[law[0]]].astype(np.int64)),
-        law[1],
-        *friction,
-    )
+    made: dict[str, NDArray[Any]] = {"seen_load": seen_load}
+    for name, (listed, rows) in (
+        ("stored", (as_unsigned(row_place[stored[0]].astype(np.int64)), stored[1])),
+        ("mode", mode), ("law", law), ("friction", friction),
+    ):  # fmt: skip
+        made |= {f"{name}_list": listed, f"{name}_rows": rows}
+    made["law_places"] = as_unsigned(row_place[laws.row[law[0]]].astype(np.int64))
     if not any(part.flags.writeable for part in parts):
         _weights.put(key, (made, parts))
     return made
@@ -214,8 +199,8 @@ BALANCE_EVERY = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Watch:
-    """Wanted values of a run.
+class SaveAt:
+    """Instants of a run that are saved, and what of them.
 
     Attributes
     ----------
@@ -284,16 +269,18 @@ class Watched:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WatchPlan:
+class SavePlan:
     """Which stored instants have which place in a record.
 
-    `places` are those of `StepRecord`; of what is seen the instants that are wanted regularly come
-    first. `counts` of instants are stored whole, seen, and stored with
-    energies, as the last one is; a run with machines has places for `further` ones, which it gives
-    as it goes on. `rests` are the numbers of the instants of `Watched.rests`, by the schedule.
+    `save` says what is wanted, `weights` are those of seen displacements. `places` are those of
+    `StepRecord`; of what is seen the instants that are wanted regularly come first. `counts` of
+    instants are stored whole, seen, and stored with energies, as the last one is; a run with
+    machines has places for `further` ones, which it gives as it goes on. `rests` are the numbers of
+    the instants of `Watched.rests`, by the schedule.
     """
 
-    watch: Watch
+    save: SaveAt
+    weights: Weights
     places: Ints
     counts: tuple[int, int, int]
     rests: Ints
@@ -309,13 +296,17 @@ class WatchPlan:
         return rows[rows >= 0]
 
 
-def plan_watch(watch: Watch, interval: float, count: int, *, further: int = 0) -> WatchPlan:
+def plan_saving(
+    save: SaveAt, weights: Weights, interval: float, count: int, *, further: int = 0
+) -> SavePlan:
     """Choose the places of stored instants in the record of a watched run.
 
     Parameters
     ----------
-    watch : Watch
+    save : SaveAt
         What is wanted.
+    weights : mapping of str to ndarray
+        From `seen_weights`.
     interval : float
         Time between stored instants [s].
     count : int
@@ -325,24 +316,25 @@ def plan_watch(watch: Watch, interval: float, count: int, *, further: int = 0) -
 
     Examples
     --------
-    >>> watch = Watch([0], 2, [0.3], [], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
-    >>> plan = plan_watch(watch, 0.1, 7)
+    >>> save = SaveAt([0], 2, [0.3], [], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
+    >>> plan = plan_saving(save, {}, 0.1, 7)
     >>> whole, seen, balanced = plan.places.T.tolist()
     >>> whole, seen
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
     >>> balanced
     [0, -1, -1, 1, -1, -1, 2]
     """
-    times = tuple(watch.whole), tuple(watch.rests)
-    places, counts, rests = _places(*times, watch.stride, interval, count)
-    return WatchPlan(watch, places.copy() if further else places, counts, rests, further)
+    times = tuple(save.whole), tuple(save.rests)
+    places, counts, rests = _places(*times, save.stride, interval, count)
+    places = places.copy() if further else places
+    return SavePlan(save, weights, places, counts, rests, further)
 
 
 @lru_cache(maxsize=16)
 def _places(
     wanted: tuple[float, ...], rests: tuple[float, ...], stride: int, interval: float, count: int
 ) -> tuple[Ints, tuple[int, int, int], Ints]:
-    """Return all of a `WatchPlan` but what is wanted."""
+    """Return places, counts and rests of a `SavePlan`."""
     times = interval * np.arange(count, dtype=np.float64)
     first = np.searchsorted(times, np.array(wanted, dtype=np.float64) - TIME_TOLERANCE)
     whole = np.array(sorted({*first[first < count].tolist(), count - 1}))
@@ -372,52 +364,9 @@ def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
     return np.append(np.maximum(before, 0), time.size - 1)
 
 
-# Throws that share rails share what their records hold before they begin. It is named by identity,
-# and kept beside so that nothing else takes its place.
-_templates = LRUCache[tuple[StepRecord | None, object]](128)  # some 2 kB each
-
-
-def watched_record(
-    arrays: dict[str, NDArray[Any]], plan: WatchPlan, weights: SeenWeights
-) -> StepRecord:
-    """Return the record of a watched run, copied from one of the same plan if there are more.
-
-    Parameters
-    ----------
-    arrays : dict of str to ndarray
-        Those of a record that have a row for each instant that is stored whole, or balanced; the
-        others are added.
-    plan : WatchPlan
-        Which instants these are.
-    weights : SeenWeights
-        Of what is seen.
-    """
-    arrays["effort"] = np.empty((len(plan.watch.laws), plan.places.shape[0]))
-    arrays["seen"] = empty_in_lines(plan.counts[1] + plan.further, weights.seen_load.size)
-    shared = {name: part for name, part in weights._asdict().items() if part.ndim > 1}
-    shared["places"] = plan.places
-    key = (id(weights), plan.counts, tuple(plan.watch.laws))
-    kept = _templates.get(key)
-    if kept is not None and kept[0] is not None:
-        return clone_record(kept[0], **arrays, **shared)
-    nothing: dict[str, NDArray[Any]] = dict.fromkeys(arrays, np.zeros((0, 0)))
-    template = StepRecord(
-        **(arrays if kept is None else nothing),
-        **weights._asdict(),
-        residual=np.zeros(1),
-        places=plan.places,
-        given=np.array(plan.counts),
-        watched=np.asarray(plan.watch.laws, dtype=np.int64),
-        picked=np.zeros(max(part.size for part in weights if part.ndim == 1)),
-    )
-    made = shared_record(template)
-    _templates.put(key, (None if kept is None else made, weights))
-    return made if kept is None else clone_record(made, **arrays, **shared)
-
-
 def trim_watched(
     record: StepRecord,
-    plan: WatchPlan,
+    plan: SavePlan,
     *,
     time: Floats,
     inputs: Floats,
@@ -426,17 +375,17 @@ def trim_watched(
     law_placed: Floats,
 ) -> Watched:
     """Return what a run to its last instant left; of all its instants, as of `Watched`."""
-    count, regular = plan.watch.count, -(-time.size // plan.watch.stride)
+    count, regular = plan.save.count, -(-time.size // plan.save.stride)
     return Watched(
         time=time,
         inputs=inputs,
         law_first=law_first,
         law_placed=law_placed,
-        stride=plan.watch.stride,
+        stride=plan.save.stride,
         seen=record.seen[:regular, :count],
         rests=rests,
         seen_rests=record.seen[plan.places[rests, 1], :count],
-        laws=tuple(plan.watch.laws),
+        laws=tuple(plan.save.laws),
         effort=record.effort[:, : time.size],
     )
 
@@ -452,7 +401,7 @@ def empty_record(
     count: int,
     *,
     velocity: bool,
-    watched: tuple[WatchPlan, SeenWeights] | None,
+    plan: SavePlan | None = None,
 ) -> StepRecord:
     """Allocate a record in one piece of memory.
 
@@ -466,10 +415,9 @@ def empty_record(
         Number of stored instants.
     velocity : bool
         Whether velocities are stored too.
-    watched : tuple of WatchPlan and SeenWeights, optional
+    plan : SavePlan, optional
         Which instants are stored whole and kept, and what is seen of these; default all of them.
     """
-    plan = None if watched is None else watched[0]
     widths = {
         "q": whole_lines(system.load.size),
         "g": whole_lines(system.row_place.size),
@@ -491,8 +439,23 @@ def empty_record(
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
     arrays["v"] = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
-    if watched is not None:
-        return watched_record(arrays, *watched)
+    if plan is not None:
+        weights, laws_saved = plan.weights, plan.save.laws
+        longest = max(part.size for part in weights.values() if part.ndim == 1)
+        seen = empty_in_lines(plan.counts[1] + plan.further, weights["seen_load"].size)
+        return shared_record(
+            StepRecord(
+                **arrays,
+                **weights,
+                residual=np.zeros(1),
+                places=plan.places,
+                given=np.array(plan.counts),
+                watched=np.asarray(laws_saved, dtype=np.int64),
+                effort=np.empty((len(laws_saved), plan.places.shape[0])),
+                seen=seen,
+                picked=np.zeros(longest),
+            )
+        )
     record = clone_record(_empty_record(), **arrays)
     record.cached[0] = LEAST_CACHED <= 8 * total <= MOST_CACHED
     return record
@@ -507,7 +470,7 @@ def _empty_record() -> StepRecord:
 
 
 def trim_record(
-    record: StepRecord, system: System, laws: LawTable, count: int, plan: WatchPlan | None
+    record: StepRecord, system: System, laws: LawTable, count: int, plan: SavePlan | None
 ) -> StepRecord:
     """Return what is stored whole of the first `count` instants, without padding."""
     n_modes = system.load.size

@@ -8,14 +8,15 @@ next run.
 import math
 import weakref
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turnout.core.scheme import AlphaCoefficients, Scheme
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
-from turnout.kernels.shared_record import address_of, clone_record, copy_vectors, shared_record
+from turnout.kernels.shared_record import address_of, shared_record
 from turnout.law.friction import FrictionCourses
 from turnout.law.kernel import segment_for
 from turnout.law.obstruction import Obstructions
@@ -29,8 +30,8 @@ LARGE = 2**20
 """Buffers of fewer numbers than this are kept apart, at most `MOST_SMALL` of them."""
 MOST_SMALL = 8
 
-_free_buffers: deque[Floats] = deque(maxlen=2)
-_free_small: deque[Floats] = deque(maxlen=MOST_SMALL)
+_free = (deque[Floats](maxlen=MOST_SMALL), deque[Floats](maxlen=2))
+"""Free buffers, small ones and large ones."""
 
 
 def acquire_buffer(count: int) -> Floats:
@@ -76,8 +77,7 @@ _loans: dict[int, _Loan] = {}
 
 def _release_buffer(loan: _Loan) -> None:
     del _loans[id(loan)]
-    kept = _free_small if loan.memory.size < LARGE else _free_buffers
-    kept.append(loan.memory)
+    _free[loan.memory.size >= LARGE].append(loan.memory)
 
 
 def lines_from_buffer(*shape: int) -> Floats:
@@ -90,13 +90,13 @@ def lines_from_buffer(*shape: int) -> Floats:
 
 def release_buffers() -> None:
     """Return the memory of free buffers to the operating system."""
-    _free_buffers.clear()
-    _free_small.clear()
+    for kept in _free:
+        kept.clear()
 
 
 def _take_fitting(count: int) -> Floats | None:
     """Take a free buffer of `count` to twice as many numbers; None where there is none."""
-    kept = _free_small if count < LARGE else _free_buffers
+    kept = _free[count >= LARGE]
     for _ in range(len(kept)):
         try:
             memory = kept.pop()  # the last one may still be in the processor's caches
@@ -169,57 +169,40 @@ class Work(NamedTuple):
 
 def new_work(system: System, table: LawTable) -> Work:
     """Return scratch arrays of the sizes of a system and its laws."""
-    n_places = system.row_ends.shape[0]
+    n_places, n_laws = system.row_ends.shape[0], table.row.size
+    longest = int(np.max(np.diff(system.pattern_start), initial=1))
     n_inputs = int(table.input_index.max(initial=-1)) + 1
-
-    def modal() -> Floats:
-        return np.zeros(system.load.size)
-
-    def by_place() -> Floats:
-        return np.zeros(n_places)
-
-    def flags() -> Ints:
-        return np.zeros(n_places, dtype=np.int64)
-
     return shared_record(
         Work(
-            row=np.zeros(2 * n_places + int(np.max(np.diff(system.pattern_start), initial=1))),
-            q_pred=modal(),
-            v_pred=modal(),
-            right_side=modal(),
-            free=by_place(),
-            input_force=by_place(),
-            end_force=by_place(),
-            slot_force=np.zeros(system.slot_start[-1]),
-            joining=by_place(),
-            input_end_force=np.zeros(system.input_end.size),
-            coupled_end=flags(),
-            dirty=flags(),
-            dirty_list=flags(),
-            unconverged=flags(),
-            saved_segment=np.zeros(table.row.size, dtype=np.int64),
-            saved_friction=np.zeros(table.friction_row.size),
-            q_start=modal(),
-            g_end=by_place(),
-            g_start=by_place(),
-            argument=np.zeros(table.row.size),
-            force=np.zeros(table.row.size),
-            trial=np.zeros(table.friction_row.size),
-            limit=np.zeros(table.friction_row.size),
-            friction_shift=np.zeros(table.friction_row.size),
-            foot_shift=by_place(),
-            right_side_end=modal(),
-            right_side_start=modal(),
-            end_error=by_place(),
-            modal_error=modal(),
-            end_scratch=by_place(),
+            row=np.zeros(2 * n_places + longest),
+            **_alike(
+                np.zeros(system.load.size),
+                "q_start q_pred v_pred modal_error right_side right_side_start right_side_end",
+            ),
+            **_alike(
+                np.zeros(n_places),
+                "free input_force end_force joining g_start g_end foot_shift end_error end_scratch",
+            ),
+            **_alike(
+                np.zeros(n_places, dtype=np.int64), "coupled_end dirty dirty_list unconverged"
+            ),
+            **_alike(np.zeros(n_laws), "argument force law_input"),
+            **_alike(
+                np.zeros(table.friction_row.size), "saved_friction trial limit friction_shift"
+            ),
+            **_alike(np.zeros(n_inputs), "inputs_start inputs_end"),
             padded_inputs=np.zeros(n_inputs + 1),
-            law_input=np.zeros(table.row.size),
-            inputs_start=np.zeros(n_inputs),
-            inputs_end=np.zeros(n_inputs),
+            slot_force=np.zeros(system.slot_start[-1]),
+            input_end_force=np.zeros(system.input_end.size),
+            saved_segment=np.zeros(n_laws, dtype=np.int64),
             changed=np.ones(2, dtype=np.int64),
         )
     )
+
+
+def _alike(array: NDArray[Any], names: str) -> dict[str, NDArray[Any]]:
+    """Return an array under some names; `shared_record` makes a copy for each."""
+    return dict.fromkeys(names.split(), array)
 
 
 class Options(NamedTuple):
@@ -492,35 +475,28 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
     n_modes, n_places = system.load.size, system.row_ends.shape[0]
     n_ends, n_slots = int(system.follower_start[-1]), int(system.slot_start[-1])
     widest = int(np.max(np.diff(system.end_start), initial=0))
-    n_laws, n_frictions = table.row.size, table.friction_row.size
-    n_joining = int(np.sum(system.row_ends[:, 1] >= 0))
-    modal, of_laws, of_frictions = np.zeros(n_modes), np.zeros(n_laws), np.zeros(n_frictions)
+    n_laws, n_joining = table.row.size, int(np.sum(system.row_ends[:, 1] >= 0))
     state = shared_record(
         State(
+            **_alike(np.zeros(n_modes), "q v a acceleration q_rest modal_force_rest"),
+            **_alike(
+                np.zeros(n_laws),
+                "slope constant lower upper intercept potential jump law_rest_offset",
+            ),
             segment=np.zeros(n_laws, dtype=np.int64),
             present=np.ones(n_laws, dtype=np.int64),
-            slope=of_laws.copy(),
-            constant=of_laws.copy(),
-            lower=of_laws.copy(),
-            upper=of_laws.copy(),
-            intercept=of_laws.copy(),
-            potential=of_laws.copy(),
-            friction=of_frictions.copy(),
-            anchor=of_frictions.copy(),
-            friction_force=of_frictions.copy(),
-            friction_beyond=of_frictions.copy(),
+            law_placed=np.full(n_laws, np.nan),
+            law_first=np.full(n_laws, np.inf),
+            **_alike(
+                np.zeros(table.friction_row.size),
+                "friction anchor friction_force friction_beyond friction_rest_offset",
+            ),
             input_law_force=np.zeros(system.input_law.size),
-            jump=of_laws.copy(),
-            q_rest=modal.copy(),
-            modal_force_rest=modal.copy(),
-            law_rest_offset=of_laws.copy(),
-            friction_rest_offset=of_frictions.copy(),
             entries=np.zeros(system.pattern_list.size),
-            shift=np.zeros(n_places),
+            **_alike(np.zeros(n_places), "g shift"),
             pending=np.zeros(int(np.max(np.diff(system.pattern_start), initial=1))),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
-            end_of_slot=np.full(n_slots, -1, dtype=np.int64),
-            row_of_slot=np.full(n_slots, -1, dtype=np.int64),
+            **_alike(np.full(n_slots, -1, dtype=np.int64), "end_of_slot row_of_slot"),
             slots=np.zeros(system.end_stop.size, dtype=np.int64),
             columns=zeros_in_lines(n_slots, widest),
             joining=np.full(n_joining, -1, dtype=np.int64),
@@ -531,48 +507,13 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             mode_columns=zeros_in_lines(n_modes, widest),
             constant_column=np.zeros(int(system.end_start[-1])),
             compliance=lines_from_buffer(levels, n_ends, widest),
-            q=modal.copy(),
-            v=modal.copy(),
-            a=modal.copy(),
-            acceleration=modal.copy(),
-            g=np.zeros(n_places),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(7),
             counters=np.zeros(10, dtype=np.int64),
             drift=np.ones(1),
-            law_placed=np.full(n_laws, np.nan),
-            law_first=np.full(n_laws, np.inf),
         ),
         lower=-np.inf,
         upper=np.inf,
     )
     set_home_segments(table, state)
     return state
-
-
-def fresh_copy(state: State) -> State:
-    """Return a copy of a state from `fresh_state`; its laws are still to be put on a segment."""
-    return clone_record(
-        state,
-        columns=lines_from_buffer(*state.columns.shape),
-        coupling=np.zeros(state.coupling.shape),
-        assembled=np.zeros(state.assembled.shape),
-        mode_columns=lines_from_buffer(*state.mode_columns.shape),
-        compliance=lines_from_buffer(*state.compliance.shape),
-    )
-
-
-def refill_state(used: State, fresh: State, ready: Ints) -> None:
-    """Bring the state of a run that has ended to rest, for another run of these rails.
-
-    Parameters
-    ----------
-    used : State
-        From `fresh_copy` of the second one; its laws are then to be put on a segment.
-    fresh : State
-        From `fresh_state`.
-    ready : ndarray of int, shape (n_levels,)
-        Which compliances are known.
-    """
-    copy_vectors(fresh, used)
-    used.level_ready[:] = ready

@@ -212,7 +212,7 @@ def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
 
 
 def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails], SeenRows]:
-    """Return the argument of `Watch` for the gaps at the `gap_places` of a mechanism."""
+    """Return the argument of `SaveAt` for the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
     named = [mechanism.shapes, mechanism.core, panel.rail, panel.stock_rail]

@@ -26,11 +26,11 @@ from turnout.panel.markers import (
     prior_positions,
 )
 from turnout.panel.records import Movement
-from turnout.solver.arrange import clear_memory
 from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.solver.outcome import NotConverged
-from turnout.solver.record import Watch
+from turnout.solver.prepared_run import clear_memory
+from turnout.solver.record import SaveAt
 from turnout.solver.start import PriorMotion
 from turnout.throw.breaking import break_attributes, peak_attributes
 from turnout.throw.compilation import WITH_MACHINES, must_compile
@@ -257,14 +257,14 @@ def solve_placed(
     *,
     scheme: Scheme,
     report: Callable[[int, int], None] | None = None,
-    watch: Callable[[Mechanism], Watch] | None = None,
+    save_at: Callable[[Mechanism], SaveAt] | None = None,
 ) -> Solved:
     """Solve a throw with all objects in their places, those of the panel among them.
 
-    `watch` says for a mechanism what alone is wanted of its run.
+    `save_at` says for a mechanism what alone is wanted of its run.
     """
     with one_blas_thread():  # nested limits are free
-        planned = plan_throw(panel, objects, scheme=scheme, watch=watch)
+        planned = plan_throw(panel, objects, scheme=scheme, save_at=save_at)
         return solve_planned(planned, report=report)
 
 
@@ -298,7 +298,7 @@ def plan_throw(
     objects: tuple[PlacedObject, ...],
     *,
     scheme: Scheme,
-    watch: Callable[[Mechanism], Watch] | None = None,
+    save_at: Callable[[Mechanism], SaveAt] | None = None,
     nominal: LoadedPanel | None = None,
 ) -> PlannedThrow:
     """Do all of `solve_placed` that comes before its kernels.
@@ -320,7 +320,7 @@ def plan_throw(
         inputs=lambda instants: marker_inputs(panel, instants),
         end=panel.schedule.end,
         prior=prior_motion(panel),
-        watch=None if watch is None else watch(mechanism),
+        save_at=None if save_at is None else save_at(mechanism),
         waits=schedule_waits(panel),
     )
     return PlannedThrow(

@@ -17,7 +17,7 @@ from turnout.measurement.chain.recorder import Recorder, clocked
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import LoadedPanel
 from turnout.solver.integration import History
-from turnout.solver.record import Watch, Watched, rest_instants
+from turnout.solver.record import SaveAt, Watched, rest_instants
 from turnout.study.study import Study
 from turnout.study.sweep.throw_group import (
     GAPS,
@@ -56,19 +56,19 @@ WATCHED = (*OF_DRIVES, "object_force", *GAPS, *OF_MACHINES)
 """Channels that a watched throw gives."""
 
 
-def watch_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], Watch] | None:
-    """Return the watch of a throw of a mechanism, or None if its whole history is needed."""
+def save_at_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], SaveAt] | None:
+    """Return what is saved of a throw of a mechanism; None if its whole history is needed."""
     if not {*study.output.channels} <= {*WATCHED}:
         return None
     ends = marker_ends(panel)
     count = 2 * (len(panel.drive) + len(panel.sensor))
 
-    def watch(mechanism: Mechanism) -> Watch:
+    def save_at(mechanism: Mechanism) -> SaveAt:
         laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
         rests, taken = _rests(panel, mechanism)
-        return Watch(laws, output_stride(study), ends, rests, count, seen, taken)
+        return SaveAt(laws, output_stride(study), ends, rests, count, seen, taken)
 
-    return watch
+    return save_at
 
 
 def _rests(panel: LoadedPanel, mechanism: Mechanism) -> tuple[list[float], list[float]]:

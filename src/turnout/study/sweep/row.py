@@ -21,7 +21,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.solver.outcome import Code
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
-from turnout.study.sweep.extract import extract_signals, watch_of
+from turnout.study.sweep.extract import extract_signals, save_at_of
 from turnout.study.sweep.labels import compute_labels
 from turnout.study.sweep.throw_group import (
     ThrowSignals,
@@ -233,10 +233,10 @@ def plan_scenario(study: Study, ready: PreparedScenario) -> PreparedScenario:
     """Plan the throw of a scenario that can be thrown."""
     if ready.fault:
         return ready
-    watch = watch_of(study, ready.panel)
+    save_at = save_at_of(study, ready.panel)
     try:
         planned = plan_throw(
-            ready.panel, ready.objects, scheme=study.scheme, watch=watch, nominal=study.panel
+            ready.panel, ready.objects, scheme=study.scheme, save_at=save_at, nominal=study.panel
         )
     except TurnoutError as error:
         return replace(ready, outcome=_ending(error), fault=_fault(error), attempts=1)
@@ -262,9 +262,9 @@ def throw_scenario(study: Study, ready: PreparedScenario) -> ThrowResult:
         for again in (False, True):
             attempts += 1
             if again:
-                scheme, watch = refine_scheme(study.scheme), watch_of(study, ready.panel)
+                scheme, save_at = refine_scheme(study.scheme), save_at_of(study, ready.panel)
                 planned = plan_throw(
-                    ready.panel, ready.objects, scheme=scheme, watch=watch, nominal=study.panel
+                    ready.panel, ready.objects, scheme=scheme, save_at=save_at, nominal=study.panel
                 )
             solved = solve_planned(planned)
             outcome = solved.history.outcome
