@@ -80,7 +80,7 @@ def test_a_sweep_stores_the_same_of_a_watched_throw(
     scenarios = [study.scenario(number) for number in range(2)]
     watched = sweep_row.throw_scenarios(study, scenarios)
     assert all(row.outcome == "complete" for row in watched)
-    monkeypatch.setattr(sweep_row, "watch_of", lambda study, panel: None)
+    monkeypatch.setattr(sweep_row, "save_at_of", lambda study, panel: None)
     for mine, whole in zip(watched, sweep_row.throw_scenarios(study, scenarios), strict=True):
         assert variables_of(mine).keys() == variables_of(whole).keys()
         for name, (_, values) in variables_of(whole).items():

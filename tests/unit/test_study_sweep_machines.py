@@ -128,7 +128,7 @@ def test_a_watched_throw_gives_what_its_whole_history_gives(
     objects = () if piece is None else (piece,)
     scenario = replace(study.scenario(0), overrides={}, foreign_objects=objects)
     (watched,) = sweep_row.throw_scenarios(study, [scenario])
-    monkeypatch.setattr(sweep_row, "watch_of", lambda study, panel: None)
+    monkeypatch.setattr(sweep_row, "save_at_of", lambda study, panel: None)
     (whole,) = sweep_row.throw_scenarios(study, [scenario])
     assert watched.outcome == whole.outcome == "complete"
     assert variables_of(watched).keys() == variables_of(whole).keys()

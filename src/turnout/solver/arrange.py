@@ -28,11 +28,9 @@ from turnout.kernels.shared_record import record_like, shared_record
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver.condense import (
-    BasePlaces,
     BlockModel,
     CondensedRails,
     Leading,
-    base_places,
     condense_blocks,
     drop_joining_bases,
     folded_stiffness,
@@ -42,7 +40,6 @@ from turnout.solver.modal import ModalModel
 from turnout.solver.system import (
     PLACED,
     Floats,
-    Ints,
     Places,
     System,
     check_normals,
@@ -64,6 +61,8 @@ class Frame:
         Of one arrangement.
     places : Places
         Of its ends, modes and rows.
+    leading : tuple of Leading
+        Choices of leading rows; kept, as rails with the same ones share a layout.
     fresh : dict
         Vectors of a state at rest and of scratch arrays, by numbers of inputs and of levels; rails
         of other sections share them.
@@ -73,6 +72,7 @@ class Frame:
 
     system: System
     places: Places
+    leading: tuple[Leading, ...]
     fresh: dict[tuple[int, int], tuple[Floats, ...]]
     feet: dict[bytes, dict[str, NDArray[Any]]] = field(default_factory=dict)
 
@@ -128,25 +128,7 @@ class _Rails:
     placed: LRUCache[Arrangement]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _SystemLayout:
-    """A system with its places; the choices of leading rows are kept, as their identity is used."""
-
-    system: System
-    places: Places
-    leading: tuple[Leading, ...]
-    fresh: dict[tuple[int, int], tuple[Floats, ...]]
-
-
-class _Indices(NamedTuple):
-    """Rows of laws, as bytes, and which of them have base segments."""
-
-    contents: tuple[bytes, ...]
-    bases: BasePlaces
-
-
-@dataclass(frozen=True, slots=True)
-class _Structure:
+class _Structure(NamedTuple):
     """Inputs of condensed rails but for their rows: matrices by identity, and the laws."""
 
     matrices: int
@@ -154,8 +136,7 @@ class _Structure:
 
 
 _rails_cache = LRUCache[_Rails](12)  # ten megabytes each with all that they hold
-_indices = LRUCache[tuple["_Indices", tuple[Ints, ...]]](96)
-_layouts = LRUCache[_SystemLayout](24)
+_layouts = LRUCache[Frame](24)
 
 
 def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
@@ -184,7 +165,6 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
 def clear_arrangements() -> None:
     """Clear the cache of condensed mechanisms."""
     _rails_cache.clear()
-    _indices.clear()
     _layouts.clear()
 
 
@@ -193,33 +173,20 @@ def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
     if not mechanism.reduced or mechanism.core.flags.writeable:
         return None
     laws = mechanism.laws
-    indices = _indices_of(laws)
     values = (
-        folded_stiffness(laws, indices.bases),
+        folded_stiffness(laws),
         np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1),
         laws.stick_stiffness,
     )
     rails = tuple([(rail.first, rail.count) for rail in mechanism.rails])
-    of_values = [part.tobytes() for part in values]
-    return _Structure(
-        id(mechanism.matrices), (rails, scheme.cutoff_frequency, indices.contents, *of_values)
-    )
+    of_laws = [*_places_of(laws), *[part.tobytes() for part in values]]
+    return _Structure(id(mechanism.matrices), (rails, scheme.cutoff_frequency, *of_laws))
 
 
-def _indices_of(laws: LawTable) -> _Indices:
-    """Return where laws act; of arrays that throws share the same bytes, whose hash is known."""
-    arrays = (
-        *(laws.row, laws.input_index, laws.base_segment, laws.segment_start),
-        *(laws.friction_row, laws.friction_normal),
-    )
-    key = tuple(map(id, arrays))
-    known = _indices.get(key)
-    if known is not None:
-        return known[0]
-    found = _Indices(tuple([array.tobytes() for array in arrays]), base_places(laws))
-    if not any(array.flags.writeable for array in arrays):
-        _indices.put(key, (found, arrays))
-    return found
+def _places_of(laws: LawTable) -> list[bytes]:
+    """Return where laws act, and which of them have base segments."""
+    names = ("row", "input_index", "base_segment", "segment_start", "friction_row")
+    return [getattr(laws, name).tobytes() for name in (*names, "friction_normal")]
 
 
 def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | None) -> _Rails:
@@ -242,9 +209,8 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     frame = rails.frames.get(joined)
     known = frame is not None
     if frame is None:
-        layout, system = _laid_out(parts, laws, structure, fixed_rows=first)
-        known = system is not layout.system
-        rails.frames[joined] = frame = Frame(system, layout.places, layout.fresh)
+        frame, known = _laid_out(parts, laws, structure, fixed_rows=first)
+        rails.frames[joined], system = frame, frame.system
     else:
         system = move_added_ends(frame.system, parts, laws, frame.places)
     row_stiffness = sum_at_rows(laws, folded_stiffness(laws), mechanism.n_rows)
@@ -265,8 +231,8 @@ def _laid_out(
     structure: _Structure | None,
     *,
     fixed_rows: int,
-) -> tuple[_SystemLayout, System]:
-    """Lay out the system, or fill one of rails that differ in their sections."""
+) -> tuple[Frame, bool]:
+    """Lay out the system, or fill one that is known of rails that differ in their sections."""
     bases = [part if part.before is None else part.before for part in parts]
     leading = tuple(part.leading for part in bases)
     shapes = tuple((p.model.load.size, p.block.rows.tobytes(), id(p.leading)) for p in bases)
@@ -274,21 +240,21 @@ def _laid_out(
     key = None if structure is None else (structure.laws, laws.base_segment.tobytes(), shapes, ends)
     layout = None if key is None else _layouts.get(key)
     if layout is not None:
-        return layout, refill_system(layout.system, parts, laws, layout.places)
+        system = refill_system(layout.system, parts, laws, layout.places)
+        return replace(layout, system=system, feet={}), True
     places = number_places(parts)
     system = condensed_system(parts, laws, places, fixed_rows=fixed_rows)
-    layout = _SystemLayout(system, places, leading, {})
+    frame = Frame(system, places, leading, {})
     if key is not None:
-        _layouts.put(key, layout)
-    return layout, layout.system
+        _layouts.put(key, frame)
+    return frame, False
 
 
 def _condense_rails(mechanism: Mechanism, scheme: Scheme) -> _Rails:
     """Condense rails each on its own, or together where one is held by another only."""
     cutoff_frequency, nominal = scheme.cutoff_frequency, mechanism.nominal
     known: tuple[BlockModel, ...] = ()
-    contents = _indices_of(mechanism.laws).contents
-    if nominal is not None and _indices_of(nominal.laws).contents == contents:
+    if nominal is not None and _places_of(nominal.laws) == _places_of(mechanism.laws):
         found = _find_rails(nominal, scheme, _structure(nominal, scheme))
         known, laws = found.parts, mechanism.laws._replace(base_segment=found.base_segment)
     else:

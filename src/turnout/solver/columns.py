@@ -383,7 +383,9 @@ def assemble_level(run: Run, state: State, level: int, inertia: float, viscosity
         _move_ends(system, compliance)
     if ready != 0:
         return
-    _fill(0.0, compliance)  # its memory may have served before
+    for end in range(compliance.shape[0]):
+        column = compliance[end]
+        column[:] = 0.0  # its memory may have served before
     for block in range(system.end_stop.size):
         first, last = system.mode_start[block], system.mode_start[block + 1]
         n = last - first
@@ -395,14 +397,10 @@ def assemble_level(run: Run, state: State, level: int, inertia: float, viscosity
         release_matrix(matrix)
         start, stop = system.end_start[block], system.end_stop[block]
         width = stop - start
-        modes = system.mode_ends[first:last]
         for end in range(start, stop):
-            column = compliance[end]
-            _assemble_column(system, end, inverse, modes, column[: width + n])
-            for i in range(n):
-                compliance[stop + i, end - start] = column[width + i]
+            _assemble_end(system, compliance, end, block, inverse)
         for end in range(system.follower_start[block], system.follower_start[block + 1]):
-            _assemble_column(system, end, inverse, modes, compliance[end, : width + n])
+            _assemble_end(system, compliance, end, block, inverse)
         _put(inverse, compliance[stop : stop + n, width : width + n])
         release_matrix(inverse)
 
@@ -418,37 +416,22 @@ def _move_ends(system: System, compliance: Floats) -> None:
         n, width = last - first, stop - start
         inverse = acquire_matrix(n, n)
         _put(compliance[stop : stop + n, width : width + n], inverse)
-        modes = system.mode_ends[first:last]
-        column = compliance[end]
-        _assemble_column(system, end, inverse, modes, column[: width + n])
-        for i in range(n):
-            compliance[stop + i, end - start] = column[width + i]
-        for other in range(start, stop):
-            _move_entry(
-                system,
-                other,
-                end - start,
-                compliance[other, width : width + n],
-                modes,
-                compliance[other],
-            )
-        for other in range(system.follower_start[block], system.follower_start[block + 1]):
-            _move_entry(
-                system,
-                other,
-                end - start,
-                compliance[other, width : width + n],
-                modes,
-                compliance[other],
-            )
+        _assemble_end(system, compliance, end, block, inverse)
         release_matrix(inverse)
+        modes = system.mode_ends[first:last]
+        for other in range(start, stop):
+            _move_entry(system, compliance, other, end - start, width, modes)
+        for other in range(system.follower_start[block], system.follower_start[block + 1]):
+            _move_entry(system, compliance, other, end - start, width, modes)
 
 
 @compiled
 def _move_entry(
-    system: System, end: int, at: int, of_modes: Floats, modes: Floats, column: Floats
+    system: System, compliance: Floats, end: int, at: int, width: int, modes: Floats
 ) -> None:
-    """Assemble one displacement under a unit force on an end, summed as `_assemble_column` does."""
+    """Assemble one displacement under a unit force on an end, summed as `_assemble_end` does."""
+    column = compliance[end]
+    of_modes = column[width : width + modes.shape[0]]
     total, r = system.flexibility[end, at], 0
     while r + 4 <= of_modes.size:
         pair = of_modes[r] * modes[r, at] + of_modes[r + 1] * modes[r + 1, at]
@@ -470,25 +453,24 @@ def _put(values: Floats, to: Floats) -> None:
 
 
 @compiled
-def _fill(value: float, to: Floats) -> None:
-    """Set all of a matrix to a value."""
-    for i in range(to.shape[0]):
-        for j in range(to.shape[1]):
-            to[i, j] = value
-
-
-@compiled
-def _assemble_column(
-    system: System, end: int, inverse: Floats, modes: Floats, column: Floats
+def _assemble_end(
+    system: System, compliance: Floats, end: int, block: int, inverse: Floats
 ) -> None:
-    """Assemble the displacements of leading ends and modes under a unit force on an end [m/N]."""
-    n = inverse.shape[0]
-    width = column.size - n
-    of_ends, of_modes = column[:width], column[width:]
+    """Assemble the displacements of leading ends and modes under a unit force on an end [m/N].
+
+    Those of a leading end are those of the modes at this end under forces on them.
+    """
+    n, start, stop = inverse.shape[0], system.end_start[block], system.end_stop[block]
+    column, width = compliance[end], stop - start
+    of_ends, of_modes = column[:width], column[width : width + n]
     of_modes[:] = 0.0
     add_weighted_rows(system.end_modes[end, :n], inverse, of_modes)
     copy(system.flexibility[end], of_ends)
+    modes = system.mode_ends[system.mode_start[block] : system.mode_start[block + 1]]
     add_weighted_rows(of_modes, modes, of_ends)
+    if end < stop:
+        for i in range(n):
+            compliance[stop + i, end - start] = of_modes[i]
 
 
 @compiled

@@ -16,7 +16,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -108,21 +107,11 @@ def drop_joining_bases(mechanism: Mechanism, laws: LawTable) -> LawTable:
     return laws._replace(base_segment=np.where(joins, -1, laws.base_segment))
 
 
-# By the identity of the rows, which the cache keeps alive so that no others can have it.
-_touched = LRUCache[tuple[Floats, Flags]](32)
-
-
 def _find_touched_rails(mechanism: Mechanism) -> Flags:
     """Return which rails each row reaches into, shape (n_rows, n_rails)."""
-    places = tuple((rail.first, rail.count) for rail in mechanism.rails)
-    key = (id(mechanism.rows), places)
-    if (cached := _touched.get(key)) is not None:
-        return cached[1]
     used = mechanism.rows != 0.0
-    found = np.array([used[:, first : first + count].any(axis=1) for first, count in places]).T
-    if not mechanism.rows.flags.writeable:
-        _touched.put(key, (mechanism.rows, found))
-    return found
+    of_rails = [used[:, rail.first : rail.first + rail.count] for rail in mechanism.rails]
+    return np.array([of_rail.any(axis=1) for of_rail in of_rails]).T
 
 
 def _group_rails(touched: Flags, laws: LawTable) -> Ints:
@@ -573,29 +562,11 @@ def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
     )
 
 
-class BasePlaces(NamedTuple):
-    """Laws that have a base segment, its place in the table for each, and the driven laws."""
-
-    laws: Ints
-    segments: Ints
-    driven: list[int]
-
-
-def base_places(table: LawTable) -> BasePlaces:
-    """Return which laws of a table have base segments; it depends on its indices alone."""
+def base_stiffness(table: LawTable) -> Floats:
+    """Return the stiffness of each law on its base segment [N/m], zero for none."""
     laws = np.flatnonzero(table.base_segment >= 0)
-    segments = table.segment_start[laws] + table.base_segment[laws]
-    return BasePlaces(laws, segments, np.flatnonzero(table.input_index >= 0).tolist())
-
-
-def base_stiffness(table: LawTable, places: BasePlaces | None = None) -> Floats:
-    """Return the stiffness of each law on its base segment [N/m], zero for none.
-
-    `places` are the `base_places` of the table where they are known.
-    """
-    laws, segments, _ = base_places(table) if places is None else places
     slope = np.zeros(table.row.size)
-    slope[laws] = table.slope[segments]
+    slope[laws] = table.slope[table.segment_start[laws] + table.base_segment[laws]]
     return slope
 
 
@@ -625,14 +596,13 @@ def home_stiffness(stiffness: float) -> float:
     return min(homes, key=lambda home: abs(math.log(stiffness / home)))
 
 
-def folded_stiffness(table: LawTable, places: BasePlaces | None = None) -> Floats:
+def folded_stiffness(table: LawTable) -> Floats:
     """Return the stiffness of each law in the condensed linear system [N/m], zero for none.
 
     It is `base_stiffness` but for driven laws, which have that of their home.
     """
-    places = base_places(table) if places is None else places
-    slope = base_stiffness(table, places)
-    for law in places.driven:
+    slope = base_stiffness(table)
+    for law in np.flatnonzero(table.input_index >= 0).tolist():
         slope[law] = home_stiffness(float(slope[law]))
     return slope
 

@@ -235,10 +235,11 @@ def set_energy_reference(run: Run, state: State) -> None:
     modal_g[:] = 0.0
     for block in range(system.end_stop.size):
         q = state.q[system.mode_start[block] : system.mode_start[block + 1]]
-        for end in range(system.end_start[block], system.end_stop[block]):
-            modal_g[end] = dot(q, system.end_modes[end])
-        for end in range(system.follower_start[block], system.follower_start[block + 1]):
-            modal_g[end] = dot(q, system.end_modes[end])
+        leading = (system.end_start[block], system.end_stop[block])
+        following = (system.follower_start[block], system.follower_start[block + 1])
+        for first, last in (leading, following):
+            for end in range(first, last):
+                modal_g[end] = dot(q, system.end_modes[end])
     for row in range(ends.shape[1]):
         joined = modal_g[ends[0, row]] + modal_g[ends[1, row]]
         modal_g[system.follower_start[-1] + row] = joined

@@ -55,15 +55,21 @@ def _assemble_path_start(run: Run, state: State, inertia: float, viscosity: floa
 
 @compiled
 def _solve_at(run: Run, state: State, inputs: tuple[Floats, Floats], share: float) -> None:
-    """Solve for the displacements of the present contact set at a share of the path [0 to 1]."""
+    """Solve for the displacements of the present contact set at a share of a path [0 to 1]."""
+    for k in range(state.inputs.size):
+        state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
+    solve_displacements(run, state)
+
+
+@compiled
+def _solve_step_at(run: Run, state: State, inputs: tuple[Floats, Floats], share: float) -> None:
+    """Solve as `_solve_at`, with the right side of a step at the same share."""
     work = run.work
     start, end = work.right_side_start, work.right_side_end
     for i in range(work.right_side.size):
         work.right_side[i] = start[i] + share * (end[i] - start[i])
-    for k in range(state.inputs.size):
-        state.inputs[k] = inputs[0][k] + share * (inputs[1][k] - inputs[0][k])
     state.counters[UNSOLVED] = -1
-    solve_displacements(run, state)
+    _solve_at(run, state, inputs, share)
 
 
 @compiled
@@ -168,12 +174,12 @@ def follow_path(
     for _ in range(EVENTS):
         if stalled >= EVENTS_AT_ONE_PLACE:
             break
-        _solve_at(run, state, inputs, 1.0)
+        _solve_step_at(run, state, inputs, 1.0)
         copy(state.g, work.g_end)
-        _solve_at(run, state, inputs, share)
+        _solve_step_at(run, state, inputs, share)
         advance, which, to = find_next_event(run, state, (work.g_end, inputs[1]))
         if which < 0:
-            _solve_at(run, state, inputs, 1.0)
+            _solve_step_at(run, state, inputs, 1.0)
             gather_modes(run, state)
             evaluate(run, state)
             return CONVERGED
@@ -203,7 +209,7 @@ def advance_static(
         Times of the start and the end [s].
     """
     system, work = run.system, run.work
-    inputs_start, inputs_end = work.inputs_start, work.inputs_end
+    inputs_start, inputs_end = ends = work.inputs_start, work.inputs_end
     copy(inputs[0], inputs_start)
     copy(inputs[1], inputs_end)
     copy(system.load, work.right_side)
@@ -211,14 +217,14 @@ def advance_static(
     progress, stalled = 0.0, 0
     save_contact_set(run, state)
     while stalled < EVENTS_AT_ONE_PLACE:
-        _solve_static(run, state, inputs_end, inputs_end, 1.0)
+        _solve_at(run, state, (inputs_end, inputs_end), 1.0)
         copy(state.g, work.g_end)
-        _solve_static(run, state, inputs_start, inputs_end, 0.0)
+        _solve_at(run, state, ends, 0.0)
         state.counters[COUNT_ITERATIONS] += 1
         if any_not_finite(work.g_end):
             return NOT_FINITE
         share, which, to = find_next_event(run, state, (work.g_end, inputs_end))
-        _solve_static(run, state, inputs_start, inputs_end, share)
+        _solve_at(run, state, ends, share)
         gather_modes(run, state)
         progress += share * (1.0 - progress)
         evaluate(run, state)
@@ -236,13 +242,3 @@ def advance_static(
         save_contact_set(run, state)  # of the work added up so far
         apply_event(run, state, which, to)
     return NO_CONTINUATION
-
-
-@compiled
-def _solve_static(
-    run: Run, state: State, inputs_start: Floats, inputs_end: Floats, share: float
-) -> None:
-    """Solve for the equilibrium of the present contact set at a share of the piece [0 to 1]."""
-    for k in range(state.inputs.size):
-        state.inputs[k] = inputs_start[k] + share * (inputs_end[k] - inputs_start[k])
-    solve_displacements(run, state)
