@@ -246,6 +246,11 @@ class MachineHistory:
         chosen.__dict__["duties"] = self.duties  # found with every instant
         return chosen
 
+    @property
+    def onsets(self) -> list[float]:
+        """Onsets of all movements but the first [s]."""
+        return [item.begin + item.length for item in self.pauses[:-1]]
+
     @cached_property
     def duties(self) -> tuple[Duty, ...]:
         """Duty of every machine on every command that it was given."""

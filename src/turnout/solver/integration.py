@@ -47,7 +47,6 @@ from turnout.solver.record import (
     interpolate_record,
     kept_obstructions,
     plan_saving,
-    rest_instants,
     seen_weights,
     trim_record,
     trim_watched,
@@ -265,43 +264,67 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
         return _carry_out(given, report)
 
 
-def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
-    scheme, inputs, grid, setup = given.scheme, given.inputs, given.grid, given.setup
-    arrangement, plan, stride = setup.arrangement, setup.save, grid.stride
-    mechanism, pauses = arrangement.mechanism, tuple[Pause, ...]()
-    run, state = prepare(setup)
-    rods = new_rods(run, mechanism, scheme, grid.n_stored)
+def _march_from_start(
+    given: RunPlan,
+    run: Run,
+    state: State,
+    rods: Rods | None,
+    report: Callable[[int, int], None] | None,
+) -> tuple[Code, int, tuple[Pause, ...]]:
+    """Find the start and march through the schedule; return outcome, steps done, and pauses."""
     _compile_march(run, state, rods, after_motion=given.start is not None)
-    code, done = find_start(run, state, arrangement, given.start), 0
-    if code == Code.COMPLETE:
-        if rods is not None:
-            start_rods(run, state, rods)
-        store_instant(run, state, 0)
+    code = find_start(run, state, given.setup.arrangement, given.start)
+    if code != Code.COMPLETE:
+        return code, 0, ()
+    if rods is not None:
+        start_rods(run, state, rods)
+    store_instant(run, state, 0)
 
-        def march(first: int, last: int) -> tuple[Code, int]:
-            return _march_in_chunks(run, state, rods, (first, last, grid.n_steps), report)
+    def march(first: int, last: int) -> tuple[Code, int]:
+        return _march_in_chunks(run, state, rods, (first, last, given.grid.n_steps), report)
 
-        ends = () if plan is None else plan.save.whole
-        code, done, pauses = march_schedule(run, rods, grid, inputs, march, ends)
-    kept = 0 if code in WITHOUT_START else done // stride + 1
-    booked = slice(kept) if plan is None else plan.places_of(2, kept)
-    balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
-    machines = machine_history(run, rods, mechanism, kept, booked, pauses)
-    if machines is not None:
-        balance = machines.with_balance(*balance)
+    ends = () if given.setup.save is None else given.setup.save.save.whole
+    return march_schedule(run, rods, given.grid, given.inputs, march, ends)
+
+
+def _judge(
+    run: Run,
+    state: State,
+    mechanism: Mechanism,
+    balance: tuple[float, float],
+    reached: tuple[Code, int],
+) -> Outcome:
+    """Return the outcome of a run by its residuals, and by the code and the step it reached."""
+    code, done = reached
     if code == Code.COMPLETE and not is_closed(*balance):
         folded = folded_energy(run, state)
         code = Code.COMPLETE if is_closed(*balance, folded) else Code.INACCURATE
     residual = equilibrium_residual(run, state)
-    outcome = Outcome(
+    return Outcome(
         code=code,
-        time=done * scheme.step,
+        time=done * run.options.step,
         step=done,
         residual=max(float(run.record.residual[0]), float(residual)),
         contacts=_name_unconverged(mechanism, run),
         energy_residual=balance[0],
         energy_scale=balance[1],
     )
+
+
+def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
+    scheme, inputs, grid, setup = given.scheme, given.inputs, given.grid, given.setup
+    arrangement, plan, stride = setup.arrangement, setup.save, grid.stride
+    mechanism = arrangement.mechanism
+    run, state = prepare(setup)
+    rods = new_rods(run, mechanism, scheme, grid.n_stored)
+    code, done, pauses = _march_from_start(given, run, state, rods, report)
+    kept = 0 if code in WITHOUT_START else done // stride + 1
+    booked = slice(kept) if plan is None else plan.places_of(2, kept)
+    balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
+    machines = machine_history(run, rods, mechanism, kept, booked, pauses)
+    if machines is not None:
+        balance = machines.with_balance(*balance)
+    outcome = _judge(run, state, mechanism, balance, (code, done))
     record = trim_record(run.record, run.system, run.table, kept, plan)
     instants = _times(scheme.step * stride, grid.n_stored)[:kept]
     positions = setup.positions[::stride][:kept].view()
@@ -321,12 +344,9 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     watched = None
     if plan is not None:
         if outcome.complete:
-            rests = plan.rests
-            if machines is not None:
-                onsets = [item.begin + item.length for item in machines.pauses[:-1]]
-                rests = rest_instants(instants, sorted({*plan.save.taken, *onsets}))
-            every = {"time": instants, "inputs": positions, "law_first": first, "rests": rests}
-            watched = trim_watched(run.record, plan, **every, law_placed=placed)
+            onsets = None if machines is None else machines.onsets
+            every = {"time": instants, "inputs": positions, "law_first": first}
+            watched = trim_watched(run.record, plan, onsets, **every, law_placed=placed)
         whole = plan.whole(instants.size)
         instants, positions = instants[whole], positions[whole]
     give_back(arrangement, run, state)

@@ -367,14 +367,20 @@ def rest_instants(time: Floats, rests: Sequence[float]) -> Ints:
 def trim_watched(
     record: StepRecord,
     plan: SavePlan,
+    onsets: Sequence[float] | None,
     *,
     time: Floats,
     inputs: Floats,
-    rests: Ints,
     law_first: Floats,
     law_placed: Floats,
 ) -> Watched:
-    """Return what a run to its last instant left; of all its instants, as of `Watched`."""
+    """Return what a run to its last instant left; of all its instants, as of `Watched`.
+
+    `onsets` are those of movements that machines may have postponed [s].
+    """
+    rests = plan.rests
+    if onsets is not None:
+        rests = rest_instants(time, sorted({*plan.save.taken, *onsets}))
     count, regular = plan.save.count, -(-time.size // plan.save.stride)
     return Watched(
         time=time,
