@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.detection.conditions import FORCE, UNITS
 from turnout.detection.detector.judging import CYCLE, View
 from turnout.detection.detector.throw_layout import CLOSING, OPENING, Integral, Layout, Part
-from turnout.measurement.campaign.motion_signals import longest_true_run, true_runs
+from turnout.measurement.campaign.motion_signals import longest_true_run, spikes, true_runs
 
 Floats = NDArray[np.float64]
 
@@ -184,8 +184,7 @@ def _channel_fault(throw: Recorded, row: int, layout: Layout, quantity: str) -> 
         return fault
     first = min(throw.onsets.values()) + min(p.edges[0] for p in layout.parts)
     whole = _between(time, first, end)
-    at = spike(force[whole])
-    if at is not None:
+    for at in np.flatnonzero(spikes(force[whole], rate=np.inf, least=SPIKE)):
         since = time[whole][at] - throw.onsets[CLOSING]
         return f"a spike of {force[whole][at]:.0f} N, {since:.2f} s after the onset of closing"
     since, long = held_run(time[whole], force[whole])
@@ -200,28 +199,11 @@ def _between(time: Floats, first: float, last: float) -> slice:
 
 
 SPIKE = 5e3
-"""Change of a force to one sample and back that no switch makes [N]."""
+"""Height of a sample above those around it that no switch makes [N].
 
-
-def spike(force: Floats) -> int | None:
-    """Return which sample stands far from both its neighbours, shape (n_times,) [N]; None if none.
-
-    Recorders write -9999 or 32767 for what they could not measure; a mean over a window with it
-    looks like a seat that is reached too early or too late.
-
-    Examples
-    --------
-    >>> spike(np.array([100.0, 120.0, -9999.0, 130.0])), spike(np.array([0.0, 4e3, 9e3, 9e3]))
-    (2, None)
-    """
-    steps = np.diff(force)
-    if steps.size < 2 or max(steps.max(), -steps.min()) < SPIKE:  # as nearly always
-        return None
-    back = -steps[1:] * np.sign(steps[:-1])
-    found = np.flatnonzero((np.abs(steps[:-1]) > SPIKE) & (back > SPIKE))
-    return int(found[0]) + 1 if found.size else None
-
-
+Recorders write -9999 or 32767 for what they could not measure; a mean over a window with it looks
+like a seat that is reached too early or too late.
+"""
 LONGEST_HELD = 0.3
 """Equal samples of a force with noise from which on its channel counts as held [s]."""
 NOISY = 0.3

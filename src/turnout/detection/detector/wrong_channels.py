@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from turnout.detection.detector.recorded import Match
 from turnout.detection.detector.throw_layout import CLOSING, OPENING
+from turnout.measurement.campaign.motion_signals import exchanged_pairs
 
 Floats = NDArray[np.float64]
 Movements = Callable[[Floats], tuple[Sequence[Match], tuple[float, float]]]
@@ -149,7 +150,5 @@ def _undone(force: Floats, names: Sequence[str]) -> Iterator[tuple[Floats, str]]
     for number, name in enumerate(names):
         sign = np.where(np.arange(len(names)) == number, -1.0, 1.0)
         yield sign[:, np.newaxis] * force, turned_round([name])
-    for first, second in combinations(range(len(names)), 2):
-        order = np.arange(len(names))
-        order[[first, second]] = second, first
-        yield force[order], exchanged(names[first], names[second])
+    for first, second, undone in exchanged_pairs(force):
+        yield undone, exchanged(names[first], names[second])

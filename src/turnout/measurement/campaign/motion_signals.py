@@ -1,5 +1,8 @@
 """Signals that show motion: their rest, their mean over a while, and their direction."""
 
+from collections.abc import Iterator
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -150,6 +153,20 @@ def without_spikes(values: Floats, *, rate: float, least: float) -> Floats:
     filled = bridge_gaps(values)
     found = spikes(filled, rate=rate, least=least)
     return np.where(found, _median_of_five(filled), values) if found.any() else values
+
+
+def exchanged_pairs(rows: Floats) -> Iterator[tuple[int, int, Floats]]:
+    """Yield the places of each two rows, and all rows with these two exchanged.
+
+    Examples
+    --------
+    >>> [pair[2].tolist() for pair in exchanged_pairs(np.array([[1.0], [2.0]]))]
+    [[[2.0], [1.0]]]
+    """
+    for first, second in combinations(range(len(rows)), 2):
+        order = np.arange(len(rows))
+        order[[first, second]] = second, first
+        yield first, second, rows[order]
 
 
 def drift(values: Floats, *, rate: float) -> float:

@@ -5,7 +5,6 @@ Faults that channels show only together are found here: truncation, pace, polari
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 import xarray as xr
@@ -17,6 +16,7 @@ from turnout.measurement.campaign.motion_signals import (
     Floats,
     bridge_gaps,
     drift,
+    exchanged_pairs,
     force_changes,
     mean_over,
 )
@@ -324,9 +324,7 @@ def swap_faults(seen: SeenThrow) -> Iterator[Fault]:
         # Inrush is common to all motors and identifies none.
         own_part, part = (item[:, round(0.2 / EARLY_STEP) :] for item in (rows, typical))
         straight = _rms(own_part - part)
-        for one, two in combinations(range(len(rows)), 2):
-            swapped = own_part.copy()
-            swapped[[one, two]] = own_part[[two, one]]
+        for one, two, swapped in exchanged_pairs(own_part):
             crossed = _rms(swapped - part)
             if straight > seen.limits.swap_gain * crossed and np.isfinite(straight):
                 text = f"they fit the campaign {straight / crossed:.1f} times better swapped"
