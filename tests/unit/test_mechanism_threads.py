@@ -1,8 +1,12 @@
 """The limit of threads is asked of the libraries once, and taken back at the end."""
 
+import os
+import subprocess
+import sys
 import threading
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 
 from turnout.core import threads
@@ -73,3 +77,29 @@ def test_every_thread_asks_for_itself(libraries):
         other.start()
         other.join()
     assert libraries.asked == ["1 blas", "1 blas", "back", "back"]
+
+
+SPENT = """
+import time
+from turnout.core.scheme import Scheme
+from turnout.panel.load import load_panel
+from turnout.throw.simulate import simulate
+
+panel = load_panel("uic60-760-1-15")
+simulate(panel, mode="waveform")
+for number in range(6):
+    own = panel.with_overrides({"rail.section_scale": 1.0 + 1e-3 * (1 + number)})
+    cpu, thread = time.process_time(), time.thread_time()
+    simulate(own, mode="waveform")
+    print(time.process_time() - cpu, time.thread_time() - thread)
+"""
+
+
+def test_a_throw_is_not_waited_for_by_other_threads():
+    """Threads of linear algebra that spin would take the processors from other throws."""
+    two = {**os.environ, "OPENBLAS_NUM_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-c", SPENT], env=two, capture_output=True, text=True, check=True
+    )
+    spent = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+    assert (spent[:, 0] < 1.15 * spent[:, 1]).all(), spent
