@@ -119,7 +119,7 @@ def test_sb2_is_the_benchmark(reference_dir: Path) -> None:
 def test_the_panel_with_machines_is_the_default_panel_with_machines_of_the_library() -> None:
     panel = load_panel(f"{DEFAULT}-jea73")
     machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
-    plain = load_panel(DEFAULT, overrides=machines)
+    plain = load_panel(DEFAULT, overrides={**machines, "movement.return.extra_time": {}})
     fields = [name for name in LoadedPanel.model_fields if name not in ("name", "description")]
     assert [name for name in fields if getattr(panel, name) != getattr(plain, name)] == []
     weak = load_panel(f"{DEFAULT}-jea73", overrides={"machine.supply.voltage": 176.0})

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table, with_lock_stroke
 from turnout.machine.steady import blind_text, shaft_travel, stall_text
@@ -157,9 +157,7 @@ def schedule_waits(panel: Panel) -> tuple[Wait, ...]:
     return tuple(found)
 
 
-# Throws share what their overrides leave as it is: it is named by identity, and kept beside so that
-# nothing else takes its place.
-_made = LRUCache[tuple[DriveMachines, list[object]]](64)
+_made = SharedResults[DriveMachines](64)
 
 
 def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
@@ -177,12 +175,11 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
         return None
     laws = np.array([index.drive[name] for name in names], dtype=np.int64)
     machines = [panel.machine[panel.drive[name].machine or ""] for name in names]
-    shared = [panel.movement, panel.rail, *machines]
-    key = (*panel.drive.values(), panel.schedule, laws.tobytes(), *map(id, shared))
-    kept = _made.get(key)
-    if kept is None:
-        kept = _made.put(key, (_fitted_machines(panel, names, laws), shared))
-    return kept[0]
+    return _made.get(
+        [panel.movement, *machines],
+        [*panel.drive.values(), *panel.rail.values(), panel.schedule, laws.tobytes()],
+        lambda: _fitted_machines(panel, names, laws),
+    )
 
 
 def _fitted_machines(panel: Panel, names: tuple[str, ...], laws: Ints) -> DriveMachines:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from turnout.core.errors import MechanicsError
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.mechanism.mechanism import Matrices, RailShape, ReducedRail
 from turnout.mechanism.varied_rails import VariedRail
 from turnout.panel.model import Panel
@@ -221,8 +221,7 @@ def _shape(panel: Panel, name: str, x: Floats, way: Floats, like: RailShape | No
     return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
 
 
-# Named by identity: throws that differ in laws share their shapes.
-_at_places = LRUCache[tuple[Floats, Floats, object]](256)
+_at_places = SharedResults[tuple[Floats, Floats]](256)
 
 
 def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) -> Floats | None:
@@ -245,14 +244,13 @@ def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) ->
         [m]; None where the rail has no stock rail.
     """
     record = panel.rail[rail]
-    if record.fit_gap is None:
+    fit = record.fit_gap
+    if fit is None:
         return stock_rail_gap(record, x)
     if shape is None:
         message = f"rail {rail}: its shape is computed, and the mechanism does not hold it"
         raise MechanicsError(message)
-    key = (id(record.fit_gap), id(shape), x.tobytes())
-    found = _at_places.get(key)
-    if found is None:
-        fit, travel = evaluate_profile(record.fit_gap, x), shape.travel_at(x)
-        found = _at_places.put(key, (fit, travel, (record.fit_gap, shape)))
-    return found[0] + record.fraction * found[1]
+    closed, travel = _at_places.get(
+        [shape], [fit, x.tobytes()], lambda: (evaluate_profile(fit, x), shape.travel_at(x))
+    )
+    return closed + record.fraction * travel

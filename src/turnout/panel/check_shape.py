@@ -1,17 +1,17 @@
 """Checks of shapes against strokes, of over-travels against slip levels, and of back drives."""
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from turnout.core.keys import Path
-from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import Problem
 from turnout.panel.check_rails import check_drive_table, check_profile, unknown_name
 from turnout.panel.place import SAME_PLACE
 from turnout.panel.profile import evaluate_profile
-from turnout.panel.records import Drive, Rail
+from turnout.panel.records import Drive, Profile, Rail
 from turnout.panel.validate import Draft, Partial, until_unknown
 
 MOST_CONTRADICTION = 0.5e-3
@@ -162,24 +162,22 @@ def pressed_home(records: Mapping[str, Any], name: str) -> Iterator[tuple[str, s
         yield rail_name, _REACHES[0] if rail.closes == "+y" else _REACHES[1], fit
 
 
-_gaps = LRUCache[tuple[float | None, object]](256)
-"""Profiles at places, by their identity and the place; None for a faulty one."""
-
-
 def _fit_at(rail: Rail, drive: Drive) -> float | None:
     """Return the gap that a closed rail leaves at a drive before it is pressed home [m]."""
     shape = rail.fit_gap if rail.fit_gap is not None else rail.stock_rail_gap
     if shape is None:
         return None
-    kept = _gaps.get((id(shape), drive.x))
-    if kept is None:
-        faulty = any(check_profile((), shape))
-        gap = None if faulty else float(evaluate_profile(shape, [drive.x])[0])
-        kept = _gaps.put((id(shape), drive.x), (gap, shape))
-    gap = kept[0]
+    gap = _gap_at(shape, drive.x)
     if gap is None:
         return None
     return gap if rail.fit_gap is not None else gap - rail.fraction * drive.stroke
+
+
+@lru_cache(maxsize=256)
+def _gap_at(shape: Profile, x: float) -> float | None:
+    """Return a profile at a place [m]; None for a faulty one."""
+    faulty = any(check_profile((), shape))
+    return None if faulty else float(evaluate_profile(shape, [x])[0])
 
 
 def elastic_force(drive: Drive, extension: float) -> float:

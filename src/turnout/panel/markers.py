@@ -116,8 +116,8 @@ def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> Fl
 
 def motion_key(
     panel: Panel, prior: Movement | None
-) -> tuple[tuple[Hashable, ...], tuple[object, ...]]:
-    """Return a key of all that positions of markers follow from, and the records that it names.
+) -> tuple[tuple[object, ...], tuple[Hashable, ...]]:
+    """Return the records and the values that positions of markers follow from.
 
     Parameters
     ----------
@@ -128,17 +128,16 @@ def motion_key(
 
     Returns
     -------
-    key : tuple
-        Schedule and movements by identity, strokes and over-travels of the drives.
-    held : tuple
-        Who keeps something by the key must keep these too.
+    named : tuple
+        The movements.
+    values : tuple
+        Schedule, strokes and over-travels of the drives.
     """
-    held = (panel.schedule, prior, *panel.movement.values())
     ways = [
         (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed, drive.lost_motion)
         for name, drive in panel.drive.items()
     ]
-    return (*map(id, held), *ways), held
+    return (prior, *panel.movement.values()), (panel.schedule, *ways)
 
 
 def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from turnout.core.keys import VERSION, Key
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.core.problems import nearest
 from turnout.core.units import (
     LENGTH,
@@ -222,20 +222,20 @@ def apply_factors(
 
 
 _Values = dict[str, list[tuple[str, str, Any]]]
-_values = LRUCache[tuple[LoadedPanel, _Values]](64)
-"""Values of panels by identity and keys; scenarios of a study ask for the same ones."""
+_values = SharedResults[_Values](64)
+"""Values of panels by keys; scenarios of a study ask for the same ones."""
 
 
 def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
     """Return `values_at` of each key, found once, beside the key of the family of each."""
-    kept = _values.get((id(panel), keys))
-    if kept is None:
-        found = {
+
+    def found() -> _Values:
+        return {
             key: [(full, _of_family(full), own) for full, own in panel.values_at(key).items()]
             for key in keys
         }
-        kept = _values.put((id(panel), keys), (panel, found))
-    return kept[1]
+
+    return _values.get([panel], keys, found)
 
 
 def _of_family(full: str) -> str:

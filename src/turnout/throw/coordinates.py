@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import LRUCache, SharedResults
 from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
@@ -23,11 +23,9 @@ Floats = NDArray[np.float64]
 _indexes = LRUCache[tuple["Index", "xr.Variable"]](64)
 
 
-# Throws share what names and places are of. It is named by identity, and kept beside so that
-# nothing else takes its place.
-_single = LRUCache[tuple[dict[str, Channel], object]](64)
-_together = LRUCache[tuple[dict[str, Channel], object]](8)
-_stations = LRUCache[tuple[Floats, object]](8)
+_single = SharedResults[dict[str, Channel]](64)
+_together = SharedResults[dict[str, Channel]](8)
+_stations = SharedResults[Floats](8)
 
 
 def output_stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
@@ -43,12 +41,11 @@ def output_stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
 def default_stations(panel: Panel) -> Floats:
     """Return the places of chairs and drives, rising [m]."""
     families = (panel.chair, panel.drive)
-    key = tuple(map(id, families))
-    kept = _stations.get(key)
-    if kept is None:
-        places = [item.x for family in families for item in family.values()]
-        kept = _stations.put(key, (np.unique(np.round(places, 9)), families))
-    return kept[0].copy()
+
+    def made() -> Floats:
+        return np.unique(np.round([item.x for family in families for item in family.values()], 9))
+
+    return _stations.get(families, (), made).copy()
 
 
 def dimensions_of(channels: Mapping[str, Channel]) -> set[str]:
@@ -71,13 +68,13 @@ def dataset_coordinates(
     dimensions = [dimension for dimension in _DIMENSIONS if dimension in used]
     named = [name for dimension in dimensions for name in _families_of(dimension)]
     families = [getattr(panel, name) for name in named]
-    key = (*dimensions, *map(id, families))
-    kept = _together.get(key)
-    if kept is None:
-        made = shared_coordinates([panel], used=dimensions)
-        alone = {name: v if v[0] == (name,) else (v[0], v[1][0]) for name, v in made.items()}
-        kept = _together.put(key, (alone, families))
-    found = {name: (dims, values.copy()) for name, (dims, values) in kept[0].items()}
+
+    def made() -> dict[str, Channel]:
+        stacked = shared_coordinates([panel], used=dimensions)
+        return {name: v if v[0] == (name,) else (v[0], v[1][0]) for name, v in stacked.items()}
+
+    shared = _together.get(families, dimensions, made)
+    found = {name: (dims, values.copy()) for name, (dims, values) in shared.items()}
     return found | object_coordinate(index, used=used)
 
 
@@ -128,9 +125,7 @@ def _of_dimension(panel: Panel, dimension: str) -> dict[str, Channel]:
     """Return the coordinates of a dimension, found once: throws vary few of the families."""
     names, make = _MAKERS[dimension]
     families = [getattr(panel, name) for name in names]
-    key = (dimension, *map(id, families))
-    kept = _single.get(key)
-    return _single.put(key, (make(panel), families))[0] if kept is None else kept[0]
+    return _single.get(families, [dimension], lambda: make(panel))
 
 
 def _of_drives(panels: Sequence[Panel]) -> dict[str, Channel]:

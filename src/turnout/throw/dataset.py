@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.channels import SCHEMA_VERSION
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
 from turnout.mechanism.drive_machines import blind_currents
@@ -87,7 +87,7 @@ _AS_WRITTEN = {
 """Dimensions of the channels that are rows over time, as they are."""
 
 # What throws share is named by identity, and kept beside so that nothing else takes its place.
-_described = LRUCache[tuple[tuple[Attributes, Attributes, str], object]](MOST_DESCRIBED)
+_described = SharedResults[tuple[Attributes, Attributes, str]](MOST_DESCRIBED)
 
 
 def response_dataset(
@@ -248,12 +248,11 @@ def describe_run(
     outcome, made = history.outcome, duties(history)
     waits = [item.length for item in history.machines.pauses] if history.machines else []
     end = float(history.time[-1]) if history.time.size else 0.0
-    described = (id(panel), scheme, *objects, *map(id, mechanism.rails))
-    kept = _described.get(described)
-    if kept is None:
-        texts = _inputs(panel, objects), _rules(panel, scheme), _superelements(mechanism)
-        kept = _described.put(described, (texts, (panel, mechanism.rails)))
-    inputs, rules, superelements = kept[0]
+    inputs, rules, superelements = _described.get(
+        [panel, *mechanism.rails],
+        [scheme, *objects],
+        lambda: (_inputs(panel, objects), _rules(panel, scheme), _superelements(mechanism)),
+    )
     return {
         **inputs,
         "movements": movement_records(moved_throws(as_thrown(panel, history), history)),

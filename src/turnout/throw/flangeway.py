@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.kernels.gap_history import DistanceColumns, lessen_distances
 from turnout.kernels.lanes import empty_in_lines, whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import shared_record
@@ -148,9 +148,7 @@ class DistancesFound(NamedTuple):
 UNKNOWN = LeastDistance(np.nan, np.nan, "")
 """Values of distances that the panel does not state."""
 
-# Rails are shared by many throws. They are named by identity, and kept beside so that nothing else
-# takes their place.
-_distances = LRUCache[tuple[_Distances, _Bounds, list[object]]](32)
+_distances = SharedResults[tuple[_Distances, _Bounds]](32)
 # Condensed rails are so where objects stand in the same places.
 _known: WeakKeyDictionary[CondensedRails, tuple[_KnownRails | None, list[object]]] = (
     WeakKeyDictionary()
@@ -412,11 +410,8 @@ def _distances_of(
         named += [panel.rail[name], motion.shapes.get(name), *faced, *_blocks(motion, bodies)]
         for body in bodies:
             named += [body.recovery, body.x]
-    key = (*(distance.name for distance, _ in wanted), *map(id, named))
-    kept = _distances.get(key)
-    if kept is None:
-        kept = _distances.put(key, (*_build(panel, motion, wanted), named))
-    return kept[:2]
+    names = [distance.name for distance, _ in wanted]
+    return _distances.get(named, names, lambda: _build(panel, motion, wanted))
 
 
 def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.mechanism.mechanism import Mechanism, RailBody
 from turnout.mechanism.travel import unloaded_gap
 from turnout.panel.layout import SIDE
@@ -37,11 +37,9 @@ GapPlace = tuple[str, Floats, Floats]
 """Rail, places along it and heights of some points [m]."""
 
 
-# Rails are shared by many throws. What rows depend on is named by identity, and kept beside them so
-# that nothing else takes its place.
-_rows = LRUCache[tuple[list[Floats], list[object]]](64)
-_watched = LRUCache[tuple[SeenRows, list[object]]](128)
-_places = LRUCache[tuple[list[GapPlace], list[object]]](64)
+_rows = SharedResults[list[Floats]](64)
+_watched = SharedResults[SeenRows](128)
+_places = SharedResults[list[GapPlace]](64)
 
 
 def _frozen(values: ArrayLike) -> Floats:
@@ -99,17 +97,21 @@ def gap_rows(
     """
     record = panel.rail[rail]
     faced, involved = bodies_at_gap(panel, motion, rail)
-    named = [*faced, *(body.recovery for body in involved)]
-    key = (record.closes, *map(id, named), x.tobytes(), z.tobytes())
-    found = _rows.get(key)
-    if found is None:
+
+    def made() -> list[Floats]:
         side = SIDE[record.closes]
         rows = [side * lateral_rows(involved[0], x, z)]
         for stock, body in zip(faced, involved[1:], strict=True):
             inside = np.clip(x, stock.start, stock.end)  # beyond its ends it is held
             rows.append(-side * lateral_rows(body, inside, z - stock.foot_height))
-        found = _rows.put(key, ([_frozen(row) for row in rows], named))
-    return stock_gap(panel, motion, rail, x), list(zip(involved, found[0], strict=True))
+        return [_frozen(row) for row in rows]
+
+    rows = _rows.get(
+        [body.recovery for body in involved],
+        [record.closes, *faced, x.tobytes(), z.tobytes()],
+        made,
+    )
+    return stock_gap(panel, motion, rail, x), list(zip(involved, rows, strict=True))
 
 
 def gap_places(panel: Panel) -> list[GapPlace]:
@@ -117,12 +119,8 @@ def gap_places(panel: Panel) -> list[GapPlace]:
 
     A sensor on one rail alone is there twice.
     """
-    named = [panel.sensor, panel.rail]
-    # drives by their places: a study may vary what they are with each throw
-    at = [(drive.x, drive.height) for drive in panel.drive.values()]
-    key = (panel.instrumented_rail, *at, *map(id, named))
-    kept = _places.get(key)
-    if kept is None:
+
+    def made() -> list[GapPlace]:
         x = _frozen([drive.x for drive in panel.drive.values()])
         z = _frozen([drive.height for drive in panel.drive.values()])
         rails = [closed_rail(panel, position) for position in ("closed", "open")]
@@ -131,8 +129,11 @@ def gap_places(panel: Panel) -> list[GapPlace]:
             for rail in rails
             for sensor in panel.sensor.values()
         ]
-        kept = _places.put(key, ([*((rail, x, z) for rail in rails), *sensors], named))
-    return kept[0]
+        return [*((rail, x, z) for rail in rails), *sensors]
+
+    # drives by their places: a study may vary what they are with each throw
+    at = [(drive.x, drive.height) for drive in panel.drive.values()]
+    return _places.get([panel.sensor, panel.rail], [panel.instrumented_rail, *at], made)
 
 
 def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
@@ -218,19 +219,14 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
     named = [mechanism.shapes, mechanism.core, panel.rail, panel.stock_rail]
     at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
 
-    def seen(condensed: CondensedRails) -> SeenRows:
-        key = (*at, *map(id, named), id(condensed))
-        kept = _watched.get(key)
-        if kept is None:
-            shapes = condensed_shapes(mechanism, condensed)
-            start, less = _seen_together(panel, shapes, places)
-            stored = np.zeros(less.shapes.shape) if less.stored is None else less.stored
-            parts = (-stored, -less.modes, -less.shapes, start - less.load)
-            made = SeenRows(*(_frozen(part) for part in parts))
-            kept = _watched.put(key, (made, [condensed, *named]))
-        return kept[0]
+    def made(condensed: CondensedRails) -> SeenRows:
+        shapes = condensed_shapes(mechanism, condensed)
+        start, less = _seen_together(panel, shapes, places)
+        stored = np.zeros(less.shapes.shape) if less.stored is None else less.stored
+        parts = (-stored, -less.modes, -less.shapes, start - less.load)
+        return SeenRows(*(_frozen(part) for part in parts))
 
-    return seen
+    return lambda condensed: _watched.get([condensed, *named], at, lambda: made(condensed))
 
 
 def _seen_together(

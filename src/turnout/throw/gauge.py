@@ -16,7 +16,7 @@ unloaded stock rail and stands upright has the design gauge :math:`G_n + w`.
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.panel.layout import SIDE
 from turnout.panel.model import Panel
 from turnout.panel.profile import evaluate_profile
@@ -42,7 +42,7 @@ def judged_rail(panel: Panel, position: str) -> str | None:
 
 
 # Named by identity: rows of rails that throws share.
-_rows = LRUCache[tuple[Floats, object]](32)
+_rows = SharedResults[Floats](32)
 
 
 def gauge_along(
@@ -75,13 +75,15 @@ def gauge_along(
         start = start + evaluate_profile(record.gauge_widening, x)
     if data.fit_gap_is_design and record.fit_gap is not None:
         start = start + evaluate_profile(record.fit_gap, x)
-    key = (id(body.recovery), record.closes, data.height, x.tobytes())
-    found = _rows.get(key)
-    if found is None:
-        rows = -SIDE[record.closes] * lateral_rows(body, x, np.full(x.size, data.height))
+    height = data.height
+
+    def made() -> Floats:
+        rows = -SIDE[record.closes] * lateral_rows(body, x, np.full(x.size, height))
         rows.flags.writeable = False
-        found = _rows.put(key, (rows, body.recovery))
-    return start, [(body, found[0])]
+        return rows
+
+    rows = _rows.get([body.recovery], [record.closes, height, x.tobytes()], made)
+    return start, [(body, rows)]
 
 
 GAUGE = EndDistance("gauge", judged_rail, gauge_along)

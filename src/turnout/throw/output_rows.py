@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
 from turnout.kernels.row_sums import LINE, TILE, RowSums, write_row_sums
 from turnout.kernels.shared_record import address_of, shared_record
@@ -207,30 +207,14 @@ def stack_rows(rows: Sequence[OutputRows]) -> OutputRows:
     )
 
 
-# What weights depend on is named by identity, and kept beside them so that nothing else takes its
-# place.
-_blocks = LRUCache[tuple[RowBlock, Sequence[object]]](16)
+_blocks = SharedResults[RowBlock](16)
 
 
 def kept_row_block(
     named: Sequence[object], values: Sequence[Hashable], make: Callable[[], RowBlock]
 ) -> RowBlock:
-    """Return a block of rows, made once for the same objects and values.
-
-    Parameters
-    ----------
-    named : sequence of object
-        Objects that it depends on and throws share, known by identity and not changed any more.
-    values : sequence of hashable
-        Further values that it depends on.
-    make : callable
-        Makes it.
-    """
-    key = (*map(id, named), *values)
-    kept = _blocks.get(key)
-    if kept is None:
-        kept = _blocks.put(key, (make(), named))
-    return kept[0]
+    """Return a block of rows, made once for the same objects and values; see `SharedResults`."""
+    return _blocks.get(named, values, make)
 
 
 def clear_row_blocks() -> None:

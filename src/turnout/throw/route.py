@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.panel.markers import movement_end, ordered_movements
 from turnout.panel.model import Panel
 
@@ -45,25 +45,21 @@ class DirectedMovement:
         return "closing" if self.to == "closed" else "opening"
 
 
-# Changed panels share their movements. These are named by identity, and kept beside what they are.
-_kept = LRUCache[tuple[tuple[DirectedMovement, ...], object]](32)
+_kept = SharedResults[tuple[DirectedMovement, ...]](32)
 
 
 def throws(panel: Panel) -> tuple[DirectedMovement, ...]:
     """Return the movements of a panel in the order of time."""
-    key = (id(panel.movement), *panel.drive)
-    kept = _kept.get(key)
-    if kept is None:
-        ordered = ordered_movements(panel)
-        untils = [*(movement.start for _, movement in ordered[1:]), float("inf")]
-        found = tuple(
-            DirectedMovement(
-                name, movement.to, movement.start, movement_end(panel, movement), until
-            )
-            for (name, movement), until in zip(ordered, untils[: len(ordered)], strict=True)
-        )
-        kept = _kept.put(key, (found, panel.movement))
-    return kept[0]
+    return _kept.get([panel.movement], list(panel.drive), lambda: _in_order(panel))
+
+
+def _in_order(panel: Panel) -> tuple[DirectedMovement, ...]:
+    ordered = ordered_movements(panel)
+    untils = [*(movement.start for _, movement in ordered[1:]), float("inf")]
+    return tuple(
+        DirectedMovement(name, movement.to, movement.start, movement_end(panel, movement), until)
+        for (name, movement), until in zip(ordered, untils[: len(ordered)], strict=True)
+    )
 
 
 def closed_rail(panel: Panel, position: str) -> str:

@@ -2,14 +2,14 @@
 
 import functools
 import time
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from turnout.core.errors import ResponseError
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.core.scheme import Mode, Scheme, chosen_scheme
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build import build_mechanism
@@ -395,7 +395,7 @@ def compile_kernels(*, machines: bool = False) -> None:
     compile_distances()
 
 
-_motions = LRUCache[tuple[Floats, tuple[object, ...]]](8)
+_motions = SharedResults[Floats](8)
 
 
 def marker_inputs(panel: LoadedPanel, instants: Floats) -> Floats:
@@ -432,15 +432,17 @@ def _shared_motion(
     changed. Instants that cannot change are known by their identity.
     """
     offsets = marker_offsets(panel)
-    key, held = motion_key(panel, prior)
-    times: Hashable = instants.tobytes() if instants.flags.writeable else id(instants)
-    key = (*key, *offsets.tolist(), times)
-    known = _motions.get(key)
-    if known is None:
-        # not frozen: kernels are compiled for arrays that can be written to
-        positions = np.ascontiguousarray((made() + offsets[:, np.newaxis]).T)
-        known = _motions.put(key, (positions, (*held, instants)))
-    return known[0].T
+    named, values = motion_key(panel, prior)
+    values += tuple(offsets.tolist())
+    if instants.flags.writeable:
+        values += (instants.tobytes(),)
+    else:
+        named += (instants,)
+    # not frozen: kernels are compiled for arrays that can be written to
+    shared = _motions.get(
+        named, values, lambda: np.ascontiguousarray((made() + offsets[:, np.newaxis]).T)
+    )
+    return shared.T
 
 
 def as_objects(
