@@ -25,7 +25,7 @@ from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.solver import energy, march, solution, solve, state, step
+from turnout.solver import energy, march, solution, solve, state
 from turnout.solver.arrange import arrange
 from turnout.solver.columns import update_row
 from turnout.solver.prepared_run import prepare, set_up_run
@@ -37,13 +37,15 @@ SHARE = 0.55
 """Place of the state in the cycle: both rails on the way back."""
 CALLS, REPEATS = 2000, 7
 KERNELS = {
-    "predict, right side": "step.predict(r, st, step.step_factors(r.options, r.options.step))",
+    "predict, right side": "march.predict(r, st, march.step_factors(r.options, r.options.step))",
     "columns times right side": (
         "st.counters[state.UNSOLVED] = -1; solution.solve_displacements(r, st)"
     ),
     "check of contacts and stops": "solve.update_segments(r, st, False)",
     "check of friction": "solve.update_branches(r, st, 0, False)",
-    "correct, energy of modes": "step.correct(r, st, step.step_factors(r.options, r.options.step))",
+    "correct, energy of modes": (
+        "march.correct(r, st, march.step_factors(r.options, r.options.step))"
+    ),
     "energy of laws": "energy.account_laws(r, st, r.work.inputs_start, 4.0)",
     "energy of friction": "energy.account_friction(r, st)",
     "store an instant": "march.store_instant(r, st, 1)",
@@ -85,7 +87,7 @@ def marched(
 
 def repeated(body: str) -> Callable[..., None]:
     """Compile a loop around one call, so that the kernel alone is timed."""
-    modules = (energy, march, solution, solve, state, step)
+    modules = (energy, march, solution, solve, state)
     names = {module.__name__.rpartition(".")[2]: module for module in modules}
     text = f"def loop(r, st, n):\n    for _ in range(n):\n        {body}\n"
     exec(text, names)

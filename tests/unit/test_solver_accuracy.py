@@ -5,14 +5,12 @@ import pytest
 from tests.unit.test_solver_columns import INERTIA, OPTIONS, VISCOSITY, Setup, flip, setup
 
 from turnout.law.friction import SLIP_FORWARD
-from turnout.solver.accuracy import DRIFTS, is_inaccurate, refine
 from turnout.solver.columns import assemble_level, rebuild, update_row
 from turnout.solver.energy import account_friction
-from turnout.solver.march import _try_step
+from turnout.solver.march import _try_step, step_factors
 from turnout.solver.solution import gather_modes, solve_displacements
-from turnout.solver.solve import CONVERGED, evaluate
+from turnout.solver.solve import CONVERGED, DRIFTS, evaluate, is_inaccurate, refine
 from turnout.solver.state import COUNT_RECENT, UNSOLVED, set_segment
-from turnout.solver.step import step_factors
 
 
 def solved(made: Setup) -> None:

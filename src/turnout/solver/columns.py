@@ -55,11 +55,14 @@ from turnout.solver.state import (
     COUNT_REBUILDS,
     COUNT_RECENT,
     COUPLED,
+    FRICTIONS,
+    LAWS,
     LEVEL,
     PENDING,
     UNSOLVED,
     Run,
     State,
+    Work,
 )
 from turnout.solver.system import Floats, Ints, System
 
@@ -362,6 +365,41 @@ def rebuild(run: Run, state: State, level: int) -> None:
         update_row(run, state, row, defer=False)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1
+
+
+@compiled
+def mark_row(work: Work, count: int, row: int) -> int:
+    """Add a row to the list of rows to be updated, once; its laws have changed."""
+    work.changed[FRICTIONS] = 1  # or laws, as `mark_law` says
+    if work.dirty[row]:
+        return count
+    work.dirty[row] = 1
+    work.dirty_list[count] = row
+    return count + 1
+
+
+@compiled
+def mark_law(run: Run, state: State, count: int, law: int) -> int:
+    """Mark the row of a law and the rows of slipping frictions that it limits."""
+    system, table, work = run.system, run.table, run.work
+    work.changed[LAWS] = 1
+    count = mark_row(work, count, table.row[law])
+    for i in range(system.normal_friction_start[law], system.normal_friction_start[law + 1]):
+        friction = system.normal_friction_list[i]
+        if state.friction[friction] != STICK:
+            count = mark_row(work, count, table.friction_row[friction])
+    return count
+
+
+@compiled
+def update_marked(run: Run, state: State, count: int) -> None:
+    """Update every marked row to the present states of its laws."""
+    work = run.work
+    for i in range(count):
+        row = work.dirty_list[i]
+        work.dirty[row] = 0
+        update_row(run, state, row, defer=True)
+    finish_pending(run, state)
 
 
 READY, STALE = 1, 2

@@ -415,12 +415,13 @@ class BlockModel:
         )
 
 
+@dataclass(frozen=True, eq=False)
 class CondensedRails:
     """All blocks of a mechanism; `model` puts them together on first use.
 
-    Parameters
+    Attributes
     ----------
-    parts : sequence of BlockModel
+    parts : tuple of BlockModel
         The blocks.
     n_coordinates : int
         Of the mechanism.
@@ -430,21 +431,15 @@ class CondensedRails:
         Whether they are of a single throw, as rails that vary are.
     """
 
-    def __init__(
-        self,
-        parts: Sequence[BlockModel],
-        *,
-        n_coordinates: int,
-        row_stiffness: Floats,
-        alone: bool = False,
-    ) -> None:
-        self.parts, self.row_stiffness, self.alone = tuple(parts), row_stiffness, alone
-        self._n_coordinates = n_coordinates
+    parts: tuple[BlockModel, ...]
+    n_coordinates: int
+    row_stiffness: Floats
+    alone: bool
 
     @cached_property
     def model(self) -> ModalModel:
         """The modal model of the whole mechanism, its modes in the order of the blocks."""
-        return assemble_model(self.parts, self._n_coordinates, self.row_stiffness.size)
+        return assemble_model(self.parts, self.n_coordinates, self.row_stiffness.size)
 
 
 def condense_blocks(

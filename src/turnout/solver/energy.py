@@ -27,7 +27,7 @@ from turnout.kernels.lanes import (
 from turnout.kernels.vector import add_weighted_rows, copy, dot
 from turnout.law.friction import slip_anchors
 from turnout.law.kernel import law_argument, law_energy, law_force, segment_for
-from turnout.solver.solve import mark_law
+from turnout.solver.columns import mark_law
 from turnout.solver.state import LAWS, Run, State, set_segment
 from turnout.solver.system import Floats, Ints, System
 

@@ -17,6 +17,7 @@ from turnout.kernels.compiled import compiled
 from turnout.kernels.vector import add_scaled, copy, dot
 from turnout.law.friction import branch_event, friction_limit, trial_force
 from turnout.law.kernel import any_not_finite, share_until_zero
+from turnout.solver.columns import mark_law, mark_row, update_marked
 from turnout.solver.energy import account_friction, account_laws
 from turnout.solver.solution import evaluate_deviation_forces, gather_modes, solve_displacements
 from turnout.solver.solve import (
@@ -24,10 +25,7 @@ from turnout.solver.solve import (
     NOT_CONVERGED,
     NOT_FINITE,
     evaluate,
-    mark_law,
-    mark_row,
     save_contact_set,
-    update_marked,
 )
 from turnout.solver.state import COUNT_ITERATIONS, UNSOLVED, Run, State, set_segment
 from turnout.solver.system import Floats

@@ -16,7 +16,6 @@ from turnout.kernels.compiled import prepare_kernels
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
-from turnout.solver.accuracy import equilibrium_residual
 from turnout.solver.arrange import arrange
 from turnout.solver.condense import CondensedRails
 from turnout.solver.driven import (
@@ -52,6 +51,7 @@ from turnout.solver.record import (
     trim_watched,
 )
 from turnout.solver.rods import Rods
+from turnout.solver.solve import equilibrium_residual
 from turnout.solver.start import (
     PriorMotion,
     StartPlan,

@@ -23,9 +23,8 @@ from turnout.law.obstruction import (
     overrun,
     split,
 )
-from turnout.solver.columns import shift_constant
+from turnout.solver.columns import mark_law, mark_row, shift_constant
 from turnout.solver.energy import OBJECTS, SEGMENTS, force_and_energy
-from turnout.solver.solve import mark_law, mark_row
 from turnout.solver.state import Run, State, set_segment
 
 ELASTIC = 1

@@ -97,7 +97,7 @@ class Outcome:
     step : int
         Index of the last complete step.
     residual : float
-        Largest displacement error, see `turnout.solver.accuracy.equilibrium_residual` [m].
+        Largest displacement error, see `turnout.solver.solve.equilibrium_residual` [m].
     contacts : tuple of str
         Names of the laws that changed last or were not settled.
     energy_residual, energy_scale : float

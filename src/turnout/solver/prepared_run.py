@@ -7,7 +7,6 @@ for it is in the processor's caches; state and scratch arrays are those of the r
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -339,18 +338,16 @@ def clear_memory() -> None:
     release_buffers()
 
 
+_NO_OBSTRUCTIONS, _NO_COURSES = shared_record(no_obstructions()), shared_record(no_courses())
+
+
 def _set_up_obstructions(given: Obstructions, table: LawTable) -> Obstructions:
     """Return the obstructions of a run; their laws get the dents that they have already."""
     if given.law.size == 0:
-        return _without_obstructions()
+        return _NO_OBSTRUCTIONS
     obstructions = shared_record(given)
     remember(table, obstructions)
     return obstructions
-
-
-@cache
-def _without_obstructions() -> Obstructions:
-    return shared_record(no_obstructions())
 
 
 def _set_up_courses(courses: FrictionCourses, frame: Frame, table: LawTable) -> FrictionCourses:
@@ -363,7 +360,7 @@ def _set_up_courses(courses: FrictionCourses, frame: Frame, table: LawTable) -> 
         width = feet["modes"].shape[1]
         courses = courses._replace(**feet, speed=np.zeros(feet["feet"].size * width))
     elif not courses.friction.size:
-        return _without_courses()
+        return _NO_COURSES
     return shared_record(courses)
 
 
@@ -390,8 +387,3 @@ def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
         "modes": modes,
         "speed_of": as_unsigned(place[number]),
     }
-
-
-@cache
-def _without_courses() -> FrictionCourses:
-    return shared_record(no_courses())

@@ -147,12 +147,8 @@ def apply_joining_forces(run: Run, state: State, constant: float) -> None:
 def evaluate_deviation_forces(run: Run, state: State) -> None:
     """Write the deviation force of every active end to ``work.slot_force`` [N]."""
     system, work = run.system, run.work
-    row_of_slot, slot_force, shift, input_force = (
-        state.row_of_slot,
-        work.slot_force,
-        state.shift,
-        work.input_force,
-    )
+    row_of_slot, shift = state.row_of_slot, state.shift
+    slot_force, input_force = work.slot_force, work.input_force
     pattern_start, pattern_list, entries = system.pattern_start, system.pattern_list, state.entries
     g = state.g
     _evaluate_inputs(run, state)

@@ -17,7 +17,7 @@ that they allow (`settle`), with an energy balance of its own.
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,8 @@ from turnout.law.friction import SLIP_FORWARD, STICK
 from turnout.law.kernel import any_not_finite
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.accuracy import measure_residual, refine
 from turnout.solver.arrange import Arrangement, Frame
-from turnout.solver.columns import assemble_level, rebuild
+from turnout.solver.columns import assemble_level, rebuild, update_marked
 from turnout.solver.energy import account_friction, account_laws, set_energy_reference
 from turnout.solver.follow import follow_path
 from turnout.solver.march import march
@@ -47,10 +46,11 @@ from turnout.solver.solve import (
     NOT_FINITE,
     evaluate,
     iterate_contact_set,
+    measure_residual,
+    refine,
     restore_contact_set,
     save_contact_set,
     update_contact_set,
-    update_marked,
 )
 from turnout.solver.state import LEVEL, Run, State, set_home_segments, set_segments
 from turnout.solver.system import Floats, Ints
@@ -254,18 +254,16 @@ class PriorMotion:
     cyclic: bool = False
 
 
+_LEFT = ("segment", "friction", "anchor", "friction_force", "friction_beyond", "q", "g")
+"""Fields of the state that a prior motion leaves."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _StateLeft:
     """State that a prior motion leaves; `frame` is held so that its identity stays its own."""
 
     frame: Frame
-    segment: Ints
-    friction: Floats
-    anchor: Floats
-    friction_force: Floats
-    friction_beyond: Floats
-    q: Floats
-    g: Floats
+    state: dict[str, NDArray[Any]]
     friction_coefficient: Floats
 
 
@@ -432,25 +430,16 @@ def _move(run: Run, state: State, mechanism: Mechanism, most: int = 1) -> tuple[
 
 
 def _state_left(run: Run, state: State, frame: Frame) -> _StateLeft:
-    return _StateLeft(
-        frame,
-        state.segment.copy(),
-        state.friction.copy(),
-        state.anchor.copy(),
-        state.friction_force.copy(),
-        state.friction_beyond.copy(),
-        state.q.copy(),
-        state.g.copy(),
-        run.table.friction_coefficient.copy(),
-    )
+    found = {name: getattr(state, name).copy() for name in _LEFT}
+    return _StateLeft(frame, found, run.table.friction_coefficient.copy())
 
 
 def _start_from(run: Run, state: State, left: _StateLeft) -> Code:
     """Bring the rails to rest with the contact set and the anchors that a motion left."""
     _set_present(run, state)
-    set_segments(run.table, state, left.segment)
-    for name in ("friction", "anchor", "friction_force", "friction_beyond", "q", "g"):
-        getattr(state, name)[:] = getattr(left, name)
+    for name, values in left.state.items():
+        getattr(state, name)[:] = values
+    set_segments(run.table, state, left.state["segment"])
     run.table.friction_coefficient[:] = left.friction_coefficient
     if settle(_patient(run, 100), state) != Code.COMPLETE:
         return Code.NO_LOADED_START

@@ -37,7 +37,8 @@ _free = (deque[Floats](maxlen=MOST_SMALL), deque[Floats](maxlen=2))
 def acquire_buffer(count: int) -> Floats:
     """Return an uninitialised array of at least `count` numbers, at most twice as many.
 
-    Its memory becomes free for the next call once the last array that shares it is gone.
+    Its memory becomes free for the next call once the last array that shares it is gone, in any
+    thread and at any time, so that this must not wait for a lock.
 
     Examples
     --------
@@ -56,28 +57,9 @@ def acquire_buffer(count: int) -> Floats:
         memory = np.empty(count)
     found = np.frombuffer(memory.data, dtype=np.float64)
     if memory.size <= MOST_KEPT:
-        loan = _Loan(found, _release_buffer)
-        loan.memory = memory
-        _loans[id(loan)] = loan
+        back = weakref.finalize(found, _free[memory.size >= LARGE].append, memory)
+        back.atexit = False
     return found
-
-
-class _Loan(weakref.ref[Floats]):
-    """A reference to an array in use, and the buffer that is free once the array is gone.
-
-    Its callback may run in any thread, at any time, and so must not wait for a lock.
-    """
-
-    __slots__ = ("memory",)
-    memory: Floats
-
-
-_loans: dict[int, _Loan] = {}
-
-
-def _release_buffer(loan: _Loan) -> None:
-    del _loans[id(loan)]
-    _free[loan.memory.size >= LARGE].append(loan.memory)
 
 
 def lines_from_buffer(*shape: int) -> Floats:
@@ -119,7 +101,7 @@ class Work(NamedTuple):
 
     - ``q_start``, ``g_start``, ``saved_segment``, ``saved_friction``: modal coordinates,
       displacements [m] and contact set at the start of a step; ``q_pred``, ``v_pred`` and
-      ``right_side`` are predicted from them, `turnout.solver.step`;
+      ``right_side`` are predicted from them, `turnout.solver.march`;
     - ``free``: displacements of the last solution without forces of inputs and joining rows [m];
     - ``padded_inputs``: a zero, then the inputs of the last solution [m]; ``law_input`` that of
       every law;
@@ -210,7 +192,7 @@ class Options(NamedTuple):
 
     `gap` [m] and `force` [N] are the largest violations of a law that are overlooked; a step takes
     at most so many `iterations`. `step` is the nominal one [s]; the next four are coefficients of
-    `turnout.solver.step` [-]. A step may be halved `halvings` times, and at last `follow_path`;
+    `turnout.solver.march` [-]. A step may be halved `halvings` times, and at last `follow_path`;
     every `stride`-th instant is stored. Without `inertia` a run is a sequence of equilibria.
     """
 
@@ -346,7 +328,7 @@ class State(NamedTuple):
     ``friction_beyond`` how far its limit lies above that of a constant coefficient [N].
 
     Motion: modal coordinates ``q`` with their velocities ``v``, algorithmic accelerations ``a`` and
-    accelerations ``acceleration``, `turnout.solver.step`; ``g`` holds the displacements of all
+    accelerations ``acceleration``, `turnout.solver.march`; ``g`` holds the displacements of all
     places [m], `turnout.solver.system`. ``q_rest``, ``modal_force_rest``, ``law_rest_offset``
     and ``friction_rest_offset`` are the reference of the energies, and ``ledger`` sums up work [J],
     `turnout.solver.energy`.
