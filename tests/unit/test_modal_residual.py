@@ -10,7 +10,7 @@ from turnout.beam.assembly import assemble_beam
 from turnout.beam.material import ElasticMaterial
 from turnout.beam.section_record import SectionProperties
 from turnout.core.errors import MechanicsError
-from turnout.solver.modal import ModalModel, diagonalise_damping, modal_model
+from turnout.solver.modal import LinearSystem, ModalModel, diagonalise_damping, split_modes
 
 N_DOF, N_ROWS = 14, 9
 
@@ -28,10 +28,7 @@ def random_system(seed: int = 3) -> dict[str, np.ndarray]:
 
 
 def split(system: dict[str, np.ndarray], cutoff_frequency: float) -> ModalModel:
-    rest = {k: system[k] for k in ("damping", "rows", "load")}
-    return modal_model(
-        system["stiffness"], system["mass"], cutoff_frequency=cutoff_frequency, **rest
-    )
+    return split_modes(LinearSystem(**system), cutoff_frequency)[0]
 
 
 def frequencies(system: dict[str, np.ndarray]) -> np.ndarray:
@@ -181,9 +178,8 @@ def free_chain(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 def undamped(stiffness: np.ndarray, mass: np.ndarray) -> ModalModel:
     n = stiffness.shape[0]
-    nothing, none = np.zeros((n, n)), np.zeros(n)
-    rest = {"damping": nothing, "rows": np.eye(n)[:1], "load": none}
-    return modal_model(stiffness, mass, cutoff_frequency=300.0, **rest)
+    beside = np.zeros((n, n)), np.zeros(n), np.eye(n)[:1]
+    return split_modes(LinearSystem(stiffness, mass, *beside), 300.0)[0]
 
 
 @pytest.mark.parametrize(

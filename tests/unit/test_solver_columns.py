@@ -25,7 +25,7 @@ from turnout.solver.columns import (
     update_row,
 )
 from turnout.solver.condense import Block, BlockModel, folded_stiffness, leading_rows, sum_at_rows
-from turnout.solver.modal import diagonalise_damping, modal_model
+from turnout.solver.modal import LinearSystem, diagonalise_damping, split_modes
 from turnout.solver.record import empty_record
 from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.state import (
@@ -126,14 +126,10 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
         stiffness = 2e5 * (a @ a.T + 4 * np.eye(N_DOF)) + (here.T * at_rows) @ here
         mass = b @ b.T + 5 * np.eye(N_DOF)
         squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)
-        model = modal_model(
-            stiffness,
-            mass,
-            damping=20 * c @ c.T if block == 0 else 3.0 * mass,
-            rows=here[rows],
-            load=rng.normal(size=N_DOF) * 1e3,
-            cutoff_frequency=1.0001 * np.sqrt(squares[cutoff_modes - 1]) / (2 * np.pi),
-        )
+        damping = 20 * c @ c.T if block == 0 else 3.0 * mass
+        load_and_rows = rng.normal(size=N_DOF) * 1e3, here[rows]
+        linear = LinearSystem(stiffness, mass, damping, *load_and_rows)
+        model, _ = split_modes(linear, 1.0001 * np.sqrt(squares[cutoff_modes - 1]) / (2 * np.pi))
         assert model.eigenvalues.size == cutoff_modes
         rubs = np.isin(rows, [*FRICTION_ROWS, *CONTACTS])
         leading = leading_rows(here[rows], first=rubs)

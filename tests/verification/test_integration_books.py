@@ -148,7 +148,7 @@ def test_a_term_that_is_left_out_is_missed(history: History, term: str) -> None:
 
 def plain_march(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let runs go through the plain functions of the loop, where a kernel can be replaced."""
-    for name in ("_advance", "_try_step"):
+    for name in ("step", "_advance", "_try_step"):
         monkeypatch.setattr(march, name, getattr(march, name).py_func)
     monkeypatch.setattr(run_module, "march", march.march.py_func)
 

@@ -277,9 +277,9 @@ def complex_modes(
 
     Examples
     --------
-    >>> from turnout.solver.modal import modal_model
-    >>> given = {"damping": np.array([[0.4]]), "rows": np.eye(1), "load": np.zeros(1)}
-    >>> model = modal_model(np.array([[100.0]]), np.eye(1), cutoff_frequency=10.0, **given)
+    >>> from turnout.solver.modal import LinearSystem, split_modes
+    >>> given = np.array([[0.4]]), np.zeros(1), np.eye(1)
+    >>> model, _ = split_modes(LinearSystem(np.array([[100.0]]), np.eye(1), *given), 10.0)
     >>> found = complex_modes(model, np.array([[0.0]]))
     >>> found.damping_ratio.round(6).tolist()
     [0.02]

@@ -28,10 +28,10 @@ from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Matrices, Mechanism, ReducedRail
 from turnout.mechanism.varied_rails import VariedRail
 from turnout.solver.modal import (
+    LinearSystem,
     ModalModel,
     Omitted,
     diagonalise_damping,
-    modal_model,
     model_of,
     split_modes,
     split_modes_near,
@@ -210,30 +210,19 @@ def _choose_leaders(rows: Floats, first: NDArray[np.bool_]) -> Leading:
     return Leading(leaders, of_leaders)
 
 
-_MATRICES = ("stiffness", "mass", "damping")
-
-
 @dataclass(frozen=True, eq=False)
 class _Given:
-    """Matrices behind the modal model of a block, and the rail that it is if it is one alone.
+    """Data behind the modal model of a block, and the rail that it is if it is one alone.
 
-    `at_rows` are the stiffnesses of laws at its rows [N/m]; the rows that are `first` lead if they
-    can.
+    `linear` is without laws, whose stiffnesses `at_rows` act at its rows [N/m]; the rows that are
+    `first` lead if they can.
     """
 
-    stiffness: Floats
-    mass: Floats
-    damping: Floats
-    load: Floats
+    linear: LinearSystem
     rows: Floats
     at_rows: Floats
     first: NDArray[np.bool_]
     rail: ReducedRail | None
-
-    @cached_property
-    def sparse_rows(self) -> sp.csr_array:
-        """The rows, of which most reach few coordinates."""
-        return sp.csr_array(self.rows)
 
     @cached_property
     def of_laws(self) -> Floats:
@@ -256,12 +245,9 @@ class _Given:
 
     def key(self, cutoff_frequency: float) -> tuple[object, ...]:
         """Return what names this: a rail is known by identity, all else by its content."""
-        matrices = (self.stiffness, self.mass, self.damping, self.load)
-        beside = self.beside, cutoff_frequency
-        if self.rail is None:
-            return digest(matrices), *beside
-        of_rail = (self.rail.stiffness, self.rail.mass, self.rail.damping, self.rail.load)
-        return tuple(map(id, of_rail)), *beside
+        matrices = self.linear[:-1]
+        name = digest(matrices) if self.rail is None else tuple(map(id, matrices))
+        return name, self.beside, cutoff_frequency
 
 
 _models = LRUCache[tuple[ModalModel, Leading, Omitted, ReducedRail | None]](32)
@@ -275,14 +261,8 @@ def _cached_model(given: _Given, *, cutoff_frequency: float) -> tuple[ModalModel
     key = given.key(cutoff_frequency)
     found = _models.get(key)
     if found is None:
-        model, omitted = split_modes(
-            given.stiffness + given.of_laws,
-            given.mass,
-            damping=given.damping,
-            rows=given.sparse_rows,
-            load=given.load,
-            cutoff_frequency=cutoff_frequency,
-        )
+        held = given.linear._replace(stiffness=given.linear.stiffness + given.of_laws)
+        model, omitted = split_modes(held, cutoff_frequency)
         model = diagonalise_damping(model)
         for record in (model, omitted):
             for item in fields(record):
@@ -311,15 +291,10 @@ def _varied_model(
         model = _smooth_model(given, nominal.model, rail, at_rows, cutoff_frequency)
         if model is not None:
             return diagonalise_damping(model[0]), nominal.leading, model[1]
-    found = split_modes_near(
-        rail.stiffness + given.of_other_laws(at_rows),
-        rail.mass,
-        damping=rail.damping,
-        rows=given.sparse_rows,
-        load=rail.load,
-        cutoff_frequency=cutoff_frequency,
-        start=np.hstack((nominal.model.modes, omitted.modes)),
-    )
+    stiffness = rail.stiffness + given.of_other_laws(at_rows)
+    held = LinearSystem(stiffness, rail.mass, rail.damping, rail.load, given.linear.rows)
+    start = np.hstack((nominal.model.modes, omitted.modes))
+    found = split_modes_near(held, cutoff_frequency, start=start)
     if found is None:
         return None
     return diagonalise_damping(found[0]), nominal.leading, found[1]
@@ -333,8 +308,8 @@ def _smooth_model(
     Modes are turned so that they are as near to the nominal ones as can be: what they span varies
     smoothly, even where their frequencies cross.
     """
-    count = given.load.size
-    weight, limit = float(np.linalg.norm(given.load)), (2.0 * np.pi * cutoff_frequency) ** 2
+    count = given.linear.load.size
+    weight, limit = float(np.linalg.norm(given.linear.load)), (2.0 * np.pi * cutoff_frequency) ** 2
 
     def split(matrices: Matrices) -> tuple[Floats, ...]:
         stiffness = matrices.stiffness + given.of_other_laws(at_rows)
@@ -343,7 +318,7 @@ def _smooth_model(
         if kept != nominal.load.size:
             return (eigenvalues[:kept],)
         low, high = shapes[:, :kept], shapes[:, kept:]
-        left, _, right = np.linalg.svd(low.T @ given.mass @ nominal.modes)
+        left, _, right = np.linalg.svd(low.T @ given.linear.mass @ nominal.modes)
         turn, load = left @ right, matrices.load / weight
         stiffness, low = (turn.T * eigenvalues[:kept]) @ turn, low @ turn
         flexible = (high / eigenvalues[kept:]) @ high.T
@@ -368,7 +343,7 @@ def _smooth_model(
         damping=damping,
         load=weight * low[count],
         residual_load=weight * flexible[:, count],
-        rows=given.sparse_rows,
+        rows=given.linear.rows,
     )
     return model, Omitted(flexibility, low[:count, :0])
 
@@ -499,23 +474,19 @@ def _of_block(
     own: slice | Ints = at
     if at.size and at[-1] - at[0] == at.size - 1 and np.all(np.diff(at) == 1):
         own = slice(int(at[0]), int(at[-1]) + 1)
+    rows = mechanism.rows[block.rows][:, own]
     for rail in mechanism.reduced:
         alone = rail.body.first == at[0] and rail.body.count == at.size
         if alone and not rail.load.flags.writeable:
-            matrices = {name: getattr(rail, name) for name in _MATRICES}
+            given = rail.stiffness, rail.mass, rail.damping, rail.load
             break
     else:
         rail, square = None, (own, own) if isinstance(own, slice) else np.ix_(at, at)
-        matrices = {name: getattr(mechanism, name)[square] for name in _MATRICES}
-    load = mechanism.load[own] if rail is None else rail.load
-    return _Given(
-        **matrices,
-        load=load,
-        rows=mechanism.rows[block.rows][:, own],
-        at_rows=at_rows,
-        first=first,
-        rail=rail,
-    )
+        whole = mechanism.stiffness, mechanism.mass, mechanism.damping
+        stiffness, mass, damping = (matrix[square] for matrix in whole)
+        given = stiffness, mass, damping, mechanism.load[own]
+    linear = LinearSystem(*given, sp.csr_array(rows))  # most rows reach few coordinates
+    return _Given(linear, rows, at_rows, first, rail)
 
 
 def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalModel:
@@ -547,14 +518,11 @@ def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalMod
 
 def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:
     """Return the modal model of a whole mechanism, the base segments of its laws included."""
-    return modal_model(
-        linear_stiffness(mechanism.stiffness, mechanism.rows, mechanism.laws),
-        mechanism.mass,
-        damping=mechanism.damping,
-        rows=mechanism.rows,
-        load=mechanism.load,
-        cutoff_frequency=cutoff_frequency,
-    )
+    rows, laws = mechanism.rows, mechanism.laws
+    at_rows = sum_at_rows(laws, base_stiffness(laws), rows.shape[0])
+    stiffness = mechanism.stiffness + (rows.T * at_rows) @ rows
+    given = mechanism.mass, mechanism.damping, mechanism.load, rows
+    return split_modes(LinearSystem(stiffness, *given), cutoff_frequency)[0]
 
 
 def base_stiffness(table: LawTable) -> Floats:
@@ -600,13 +568,6 @@ def folded_stiffness(table: LawTable) -> Floats:
     for law in np.flatnonzero(table.input_index >= 0).tolist():
         slope[law] = home_stiffness(float(slope[law]))
     return slope
-
-
-def linear_stiffness(stiffness: Floats, rows: Floats, table: LawTable) -> Floats:
-    """Return the stiffness matrix with the base segment of every law added."""
-    at_rows = sum_at_rows(table, base_stiffness(table), rows.shape[0])
-    folded: Floats = stiffness + (rows.T * at_rows) @ rows
-    return folded
 
 
 def sum_at_rows(table: LawTable, stiffness: Floats, n_rows: int) -> Floats:

@@ -14,6 +14,7 @@ semi-definite, free of the cancellation of "static minus modal" flexibility.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -102,40 +103,33 @@ class Omitted:
     modes: Floats
 
 
-def modal_model(
-    stiffness: Floats,
-    mass: Floats,
-    *,
-    damping: Floats,
-    rows: Rows,
-    load: Floats,
-    cutoff_frequency: float,
-) -> ModalModel:
-    """Condense a linear system at a cut-off frequency; see `split_modes`."""
-    return split_modes(
-        stiffness, mass, damping=damping, rows=rows, load=load, cutoff_frequency=cutoff_frequency
-    )[0]
+class LinearSystem(NamedTuple):
+    """A linear system with the rows along which forces act and displacements are read.
+
+    Attributes
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; stiffness and mass positive definite.
+    load : ndarray, shape (n_dof,)
+        Constant load [N].
+    rows : ndarray or csr_array, shape (n_rows, n_dof)
+        Displacements of the rows.
+    """
+
+    stiffness: Floats
+    mass: Floats
+    damping: Floats
+    load: Floats
+    rows: Rows
 
 
-def split_modes(
-    stiffness: Floats,
-    mass: Floats,
-    *,
-    damping: Floats,
-    rows: Rows,
-    load: Floats,
-    cutoff_frequency: float,
-) -> tuple[ModalModel, Omitted]:
+def split_modes(linear: LinearSystem, cutoff_frequency: float) -> tuple[ModalModel, Omitted]:
     """Condense a linear system at a cut-off frequency.
 
     Parameters
     ----------
-    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
-        Symmetric; stiffness and mass positive definite.
-    rows : ndarray or csr_array, shape (n_rows, n_dof)
-        Rows along which forces act and displacements are read.
-    load : ndarray, shape (n_dof,)
-        Constant load [N].
+    linear : LinearSystem
+        Stiffness, mass, damping, load and rows.
     cutoff_frequency : float
         Modes up to here keep their inertia [Hz].
 
@@ -151,7 +145,7 @@ def split_modes(
     MechanicsError
         If the stiffness is not positive definite, so that a rail could float away.
     """
-    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    eigenvalues, shapes = eigh(linear.stiffness, linear.mass, check_finite=True)
     if eigenvalues[0] <= 10.0 * np.finfo(float).eps * eigenvalues[-1]:
         msg = (
             "a rail is not held: the supports leave a rigid-body motion free; "
@@ -164,17 +158,29 @@ def split_modes(
     low, high = shapes[:, :kept], shapes[:, kept:]
     scaled = high / eigenvalues[kept:]
     yielding = scaled @ high.T
-    omitted = Omitted(0.5 * (yielding + yielding.T), high[:, :FURTHER_MODES].copy())
-    model = model_of(
+    flexibility = 0.5 * (yielding + yielding.T)
+    residual_load = scaled @ (high.T @ linear.load)
+    model = _model(linear, low, eigenvalues[:kept], flexibility, residual_load)
+    return model, Omitted(flexibility, high[:, :FURTHER_MODES].copy())
+
+
+def _model(
+    linear: LinearSystem,
+    low: Floats,
+    eigenvalues: Floats,
+    flexibility: Floats,
+    residual_load: Floats,
+) -> ModalModel:
+    """Return the model of a linear system from its low modes and what is left out of them."""
+    return model_of(
         low,
-        omitted.flexibility,
-        stiffness=np.diag(eigenvalues[:kept]),
-        damping=low.T @ damping @ low,
-        load=low.T @ load,
-        residual_load=scaled @ (high.T @ load),
-        rows=rows,
+        flexibility,
+        stiffness=np.diag(eigenvalues),
+        damping=low.T @ linear.damping @ low,
+        load=low.T @ linear.load,
+        residual_load=residual_load,
+        rows=linear.rows,
     )
-    return model, omitted
 
 
 FURTHER_MODES = 8
@@ -185,14 +191,7 @@ MOST_ITERATIONS = 10
 
 
 def split_modes_near(
-    stiffness: Floats,
-    mass: Floats,
-    *,
-    damping: Floats,
-    rows: Rows,
-    load: Floats,
-    cutoff_frequency: float,
-    start: Floats,
+    linear: LinearSystem, cutoff_frequency: float, *, start: Floats
 ) -> tuple[ModalModel, Omitted] | None:
     r"""Condense a linear system as `split_modes` does, from the modes of one that is much like it.
 
@@ -207,35 +206,27 @@ def split_modes_near(
 
     Parameters
     ----------
+    linear, cutoff_frequency
+        As for `split_modes`.
     start : ndarray, shape (n_dof, n)
         Modes of the other system up to the cut-off and some above it.
-    stiffness, mass, damping, rows, load, cutoff_frequency
-        As for `split_modes`.
 
     Returns
     -------
     tuple or None
         None where the iteration does not converge, or the stiffness is not positive definite.
     """
-    upper, failed = dpotrf(stiffness)
+    upper, failed = dpotrf(linear.stiffness)
     if failed:
         return None
-    found = _iterate_subspace(upper, mass, start, cutoff_frequency=cutoff_frequency)
+    found = _iterate_subspace(upper, linear.mass, start, cutoff_frequency=cutoff_frequency)
     if found is None:
         return None
     eigenvalues, low = found
     inverse, _ = dtrtri(upper)
     high = inverse - (low / eigenvalues) @ (upper @ low).T
     flexibility = high @ high.T
-    model = model_of(
-        low,
-        flexibility,
-        stiffness=np.diag(eigenvalues),
-        damping=low.T @ damping @ low,
-        load=low.T @ load,
-        residual_load=flexibility @ load,
-        rows=rows,
-    )
+    model = _model(linear, low, eigenvalues, flexibility, flexibility @ linear.load)
     return model, Omitted(flexibility, low[:, :0])
 
 
@@ -317,9 +308,9 @@ def with_rows(model: ModalModel, flexibility: Floats, rows: Floats) -> ModalMode
     Examples
     --------
     >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
-    >>> given = {"damping": 0.0 * spring, "load": np.ones(2), "cutoff_frequency": 0.2}
-    >>> both = modal_model(spring, np.eye(2), rows=np.eye(2), **given)
-    >>> model, omitted = split_modes(spring, np.eye(2), rows=np.eye(2)[:1], **given)
+    >>> linear = LinearSystem(spring, np.eye(2), 0.0 * spring, np.ones(2), np.eye(2))
+    >>> both, _ = split_modes(linear, 0.2)
+    >>> model, omitted = split_modes(linear._replace(rows=np.eye(2)[:1]), 0.2)
     >>> found = with_rows(model, omitted.flexibility, np.eye(2)[1:])
     >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
     True
@@ -354,8 +345,8 @@ def diagonalise_damping(model: ModalModel) -> ModalModel:
     Examples
     --------
     >>> spring = np.array([[2.0, -1.0], [-1.0, 2.0]])
-    >>> given = {"rows": np.eye(2), "load": np.zeros(2), "cutoff_frequency": 10.0}
-    >>> model = modal_model(spring, np.eye(2), damping=np.diag([0.0, 0.5]), **given)
+    >>> linear = LinearSystem(spring, np.eye(2), np.diag([0.0, 0.5]), np.zeros(2), np.eye(2))
+    >>> model, _ = split_modes(linear, 10.0)
     >>> diagonalise_damping(model).damping.round(9).tolist()
     [[0.0, 0.0], [0.0, 0.5]]
     """
