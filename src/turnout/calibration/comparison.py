@@ -504,6 +504,11 @@ class Alignment:
     estimates: Mapping[str, tuple[float, float]]
     channels: tuple[tuple[float, float], ...]
 
+    @property
+    def pieces(self) -> list[tuple[Signal, NDArray[np.intp], slice]]:
+        """The parts, each with its place in the row of all."""
+        return _pieces(self.parts)
+
     def reduced(self, response: Response, effects: Mapping[str, float] | None = None) -> Floats:
         """Return the prediction of a response, carried back to zero nuisances.
 
@@ -558,11 +563,19 @@ class Alignment:
         clean = self.noise_whitened(row)
         explained = 1.0 - (1.0 - self.shrink) ** 2
         clean = clean - self.basis @ (explained * (self.basis.T @ clean))
-        found, first = [], 0
-        for factor in self.factors:
-            found.append(factor @ clean[first : first + factor.shape[0]])
-            first += factor.shape[0]
-        return found
+        places = zip(self.factors, self.pieces, strict=True)
+        return [factor @ clean[place] for factor, (_, _, place) in places]
+
+
+def _pieces(
+    parts: Sequence[tuple[Signal, NDArray[np.intp]]],
+) -> list[tuple[Signal, NDArray[np.intp], slice]]:
+    """Return parts, each with its place in the row of all."""
+    ends = np.cumsum([bins.size for _, bins in parts]).tolist()
+    return [
+        (signal, bins, slice(end - bins.size, end))
+        for (signal, bins), end in zip(parts, ends, strict=True)
+    ]
 
 
 def _without_noise(row: Floats, factors: Sequence[Floats]) -> Floats:
@@ -701,10 +714,8 @@ def _channel_columns(
     parts: Sequence[tuple[Signal, NDArray[np.intp]]], measured: Floats, uncertainty: Uncertainty
 ) -> Floats:
     """Return a column for the zero and one for the gain of each part."""
-    columns, first = np.zeros((measured.size, 2 * len(parts))), 0
-    for number, (_, bins) in enumerate(parts):
-        place = slice(first, first + bins.size)
+    columns = np.zeros((measured.size, 2 * len(parts)))
+    for number, (_, _, place) in enumerate(_pieces(parts)):
         columns[place, 2 * number] = uncertainty.zero
         columns[place, 2 * number + 1] = uncertainty.gain * measured[place]
-        first += bins.size
     return columns

@@ -109,12 +109,10 @@ def plain_gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Flo
     source = source or key
     rows = []
     for alignment in found.frame.alignments:
-        row, first = np.zeros(alignment.measured.size), 0
-        for signal, bins in alignment.parts:
+        row = np.zeros(alignment.measured.size)
+        for signal, bins, place in alignment.pieces:
             if (signal.channel, signal.drive) == key:
-                place = slice(first, first + bins.size)
                 row[place] = _measured_at(alignment.movement, source, bins)
-            first += bins.size
         rows.append(alignment.whitened(row))
     return np.concatenate(rows)
 

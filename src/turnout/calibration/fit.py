@@ -33,7 +33,7 @@ from turnout.calibration.misfit import (
     about_clock,
     framed,
     jacobian,
-    shared_corrections,
+    remaining,
     slopes_of,
 )
 from turnout.calibration.parameter import (
@@ -639,13 +639,8 @@ def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
     """Return by channel, drive and direction what nuisances and gains leave of the residuals."""
     series: dict[tuple[str, str, str], list[Floats]] = {}
     noise = found.misfit.comparison.noise
-    corrections = shared_corrections(found.local, found.frame)
-    for alignment, response, shared in zip(
-        found.frame.alignments, found.local.simulated, corrections, strict=True
-    ):
-        for (signal, _), row in zip(
-            alignment.parts, alignment.remaining_residuals(response, shared=shared), strict=True
-        ):
+    for alignment, parts in remaining(found.local, found.frame):
+        for signal, _, row in parts:
             known = noise[signal.channel, signal.drive].total
             most = OUTLIER_LIMIT * max(known, MAD_TO_SIGMA * float(np.median(np.abs(row))))
             key = (signal.channel, signal.drive, alignment.movement.direction)

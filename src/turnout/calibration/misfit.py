@@ -27,7 +27,7 @@ from turnout.calibration.linearisation import (
     stepped_value,
     touches,
 )
-from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.measured_movements import MeasuredMovement, Signal
 from turnout.calibration.objects import acts_on, is_of_object, thrown_object
 from turnout.calibration.parameter import Parameter, overrides_of
 from turnout.calibration.shared import CLOCK, Shared, shared_of
@@ -555,13 +555,28 @@ def shared_estimates(local: Linearisation, frame: Frame) -> Floats:
     return frame.shared.estimates(np.concatenate(rows))
 
 
-def shared_corrections(local: Linearisation, frame: Frame) -> list[Floats | None]:
-    """Return for each movement what its sensors add to the measured forces, as estimated [N]."""
-    if frame.shared is None:
-        return [None] * len(frame.alignments)
-    count = len(frame.shared.sensors)
+def remaining(
+    local: Linearisation, frame: Frame
+) -> list[tuple[Alignment, list[tuple[Signal, NDArray[np.intp], Floats]]]]:
+    """Return by movement each part, and its residuals less what nuisances and sensors explain.
+
+    Returns
+    -------
+    list of (Alignment, list of (Signal, ndarray of int, ndarray))
+        Signal, bins and residuals over these [N].
+    """
+    count = len(frame.shared.sensors) if frame.shared else 0
     sizes = shared_estimates(local, frame)[:count]
-    return [block[:, :count] @ sizes for block in frame.shared.plain]
+    found = []
+    for number, (alignment, response) in enumerate(
+        zip(frame.alignments, local.simulated, strict=True)
+    ):
+        sensors = frame.shared.plain[number][:, :count] @ sizes if frame.shared else None
+        rows = alignment.remaining_residuals(response, shared=sensors)
+        found.append(
+            (alignment, [(*part, row) for part, row in zip(alignment.parts, rows, strict=True)])
+        )
+    return found
 
 
 def _framed(local: Linearisation, misfit: Misfit) -> Frame:

@@ -1,7 +1,7 @@
 """The record of a calibration: values, covariance, provenance; written, read and applied."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -174,71 +174,80 @@ class Calibration:
         write_atomic(path, calibration_text(self))
 
 
+TEXTS = ("panel", "panel_hash", "data", "data_hash")
+REMARKS = ("warnings", "findings", "causes", "fitted_causes", "sensors")
+"""Entries of the file by name: texts, and lists of texts."""
+
+
 def calibration_text(calibration: Calibration) -> str:
     """Return a calibration as the text of its file."""
-    lines = [
-        "# Calibration of a switch panel; apply it with --calibration FILE.",
-        f"schema_version = {SCHEMA_VERSION}",
-        'kind = "calibration"',
-        f"panel = {_text(calibration.panel)}",
-        f"panel_hash = {_text(calibration.panel_hash)}",
-        f"data = {_text(calibration.data)}",
-        f"data_hash = {_text(calibration.data_hash)}",
-        f"movements = {_list(calibration.movements)}",
-        f"trusted = {'false' if calibration.distrust else 'true'}",
-        f"distrust = {_list(calibration.distrust)}",
-        f"warnings = {_list(calibration.warnings)}",
-        f"findings = {_list(calibration.findings)}",
-        f"causes = {_list(calibration.causes)}",
-        f"fitted_causes = {_list(calibration.fitted_causes)}",
-        f"sensors = {_list(calibration.sensors)}",
-        "",
-        "[about]",
-        *(f"{_text(key)} = {_text(value)}" for key, value in calibration.about.items()),
-    ]
-    named = [("parameter", item) for item in calibration.parameters]
-    for kind, item in (*named, *(("object", item) for item in calibration.objects)):
-        lines += _entry_lines(kind, item)
+    head = {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "calibration",
+        **{name: getattr(calibration, name) for name in (*TEXTS, "movements")},
+        "trusted": not calibration.distrust,
+        **{name: getattr(calibration, name) for name in ("distrust", *REMARKS)},
+    }
+    lines = ["# Calibration of a switch panel; apply it with --calibration FILE."]
+    lines += [*_lines(head), "", "[about]", *_lines(calibration.about, quoted=True)]
+    for kind, items in (("parameter", calibration.parameters), ("object", calibration.objects)):
+        for item in items:
+            lines += ["", f"[{kind}.{_value(item.name)}]", *_lines(_entry(item))]
     lines += ["", "[covariance]  # products of the SI units of the parameters"]
-    lines += [f"names = {_list(item.name for item in calibration.fitted)}", "values = ["]
-    lines += [f"  [{', '.join(map(_number, row))}]," for row in calibration.covariance.tolist()]
+    lines += [f"names = {_value([item.name for item in calibration.fitted])}", "values = ["]
+    lines += [f"  {_value(row)}," for row in calibration.covariance.tolist()]
     lines += ["]", "", "[scatter]  # share of the value, from movement to movement"]
-    lines += [f"{_text(key)} = {_number(value)}" for key, value in calibration.scatter.items()]
+    lines += _lines(calibration.scatter, quoted=True)
     if calibration.chain:
         lines += ["", "[chain]  # of the recordings: value and standard deviation, SI"]
-        lines += [
-            f"{_text(key)} = [{_number(value)}, {_number(deviation)}]"
-            for key, (value, deviation) in calibration.chain.items()
-        ]
+        lines += _lines(calibration.chain, quoted=True)
     for name, sizes in calibration.noise.items():
-        lines += ["", f"[noise.{_text(name)}]  # SI"]
-        lines += [f"{key} = {_number(value)}" for key, value in sizes.items()]
+        lines += ["", f"[noise.{_value(name)}]  # SI", *_lines(sizes)]
     for stage in calibration.stages:
-        lines += ["", "[[stage]]", *_stage_lines(stage)]
+        entries = {name: getattr(stage, name) for name in StageLog.__dataclass_fields__}
+        if not stage.sweep:
+            del entries["sweep"]
+        rows = (f"{row}  # SI" if row.startswith("values =") else row for row in _lines(entries))
+        lines += ["", "[[stage]]", *rows]
     if calibration.effects:
         lines += ["", "[effects]  # of each movement, in SI"]
-        for name, row in calibration.effects.items():
-            cells = ", ".join(f"{_text(key)} = {_number(value)}" for key, value in row.items())
-            lines.append(f"{_text(name)} = {{ {cells} }}")
+        lines += _lines(calibration.effects, quoted=True)
     return "\n".join(lines) + "\n"
 
 
-def _entry_lines(kind: str, item: Fitted) -> list[str]:
-    """Return the entry of a value that was fitted: a "parameter", or one of an "object"."""
-    interval = ", ".join(_quantity(end, item.unit) for end in item.interval)
-    return [
-        "",
-        f"[{kind}.{_text(item.name)}]",
-        f"keys = {_list(item.keys)}",
-        f"unit = {_text(item.unit)}",
-        f"value = {_quantity(item.value, item.unit)}",
-        f"deviation = {_quantity(item.deviation, item.unit)}",
-        f"interval_95 = [{interval}]",
-        f"lower = {_quantity(item.lower, item.unit)}",
-        f"upper = {_quantity(item.upper, item.unit)}",
-        f"start = {_quantity(item.start, item.unit)}",
-        f"state = {_text(item.state)}",
-    ]
+def _entry(item: Fitted) -> dict[str, object]:
+    """Return the entry of a value that was fitted, with its unit behind each number."""
+
+    def quantity(value: float) -> float | str:
+        return value if item.unit == "1" else f"{float(value)!r} {item.unit}"
+
+    return {
+        "keys": item.keys,
+        "unit": item.unit,
+        "value": quantity(item.value),
+        "deviation": quantity(item.deviation),
+        "interval_95": [quantity(end) for end in item.interval],
+        "lower": quantity(item.lower),
+        "upper": quantity(item.upper),
+        "start": quantity(item.start),
+        "state": item.state,
+    }
+
+
+def _lines(entries: Mapping[str, object], *, quoted: bool = False) -> list[str]:
+    """Return a line of TOML for each entry."""
+    return [f"{_value(k) if quoted else k} = {_value(v)}" for k, v in entries.items()]
+
+
+def _value(value: Any) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, str | bool | int):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(_lines(value, quoted=True))} }}"
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(float(value))
 
 
 def load_calibration(path: Path | str) -> Calibration:
@@ -279,58 +288,44 @@ def _read(data: Mapping[str, Any]) -> Calibration:
     parameters = tuple(_fitted(name, item) for name, item in data["parameter"].items())
     count = sum(item.state == "fitted" for item in parameters)
     covariance = np.array(data["covariance"]["values"], dtype=np.float64).reshape(count, count)
-    stages = tuple(
-        StageLog(
-            **{
-                **item,
-                "movements": tuple(item["movements"]),
-                "sweep": {key: tuple(row) for key, row in item.get("sweep", {}).items()},
-            }
-        )
+    stages = [
+        {
+            **item,
+            "movements": tuple(item["movements"]),
+            "sweep": {key: tuple(row) for key, row in item.get("sweep", {}).items()},
+        }
         for item in data.get("stage", [])
-    )
+    ]
+    # Files of before have no causes, and sensors as gains.
+    remarks = {"causes": [], "fitted_causes": [], "sensors": data.get("gains", []), **data}
+    plain: dict[str, Any] = {name: data[name] for name in TEXTS}
+    plain |= {name: tuple(remarks[name]) for name in REMARKS}
+    plain |= {name: data.get(name, {}) for name in ("noise", "scatter", "about", "effects")}
     return Calibration(
         parameters=parameters,
         covariance=covariance,
-        panel=data["panel"],
-        panel_hash=data["panel_hash"],
-        data=data["data"],
-        data_hash=data["data_hash"],
+        stages=tuple(StageLog(**item) for item in stages),
         movements=tuple(data["movements"]),
-        stages=stages,
-        warnings=tuple(data["warnings"]),
-        findings=tuple(data["findings"]),
         distrust=tuple(data.get("distrust", ())),
-        noise=data.get("noise", {}),
-        scatter=data.get("scatter", {}),
-        about=data.get("about", {}),
-        causes=tuple(data.get("causes", ())),
-        fitted_causes=tuple(data.get("fitted_causes", ())),
-        sensors=tuple(data.get("sensors", data.get("gains", ()))),
         chain={key: (float(a), float(b)) for key, (a, b) in data.get("chain", {}).items()},
-        effects=data.get("effects", {}),
         objects=tuple(_fitted(name, item) for name, item in data.get("object", {}).items()),
+        **plain,
     )
 
 
 def _fitted(name: str, item: Mapping[str, Any]) -> Fitted:
-    unit = item["unit"]
-
     def read(value: object) -> float:
-        return _parsed(value, unit, name)
+        return _parsed(value, item["unit"], name)
 
     low, high = item["interval_95"]
+    sizes = {key: read(item[key]) for key in ("value", "deviation", "lower", "upper", "start")}
     return Fitted(
         name=name,
         keys=tuple(item["keys"]),
-        unit=unit,
-        value=read(item["value"]),
-        deviation=read(item["deviation"]),
-        lower=read(item["lower"]),
-        upper=read(item["upper"]),
+        unit=item["unit"],
         interval=(read(low), read(high)),
-        start=read(item["start"]),
         state=item["state"],
+        **sizes,
     )
 
 
@@ -343,43 +338,6 @@ def _parsed(value: object, unit: str, name: str) -> float:
         message = f'{name} = "{value}": must be in {choices([unit])}'
         raise ValueError(message)
     return float(number)
-
-
-def _quantity(value: float, unit: str) -> str:
-    return _number(value) if unit == "1" else f'"{float(value)!r} {unit}"'
-
-
-def _number(value: float) -> str:
-    number = float(value)
-    return repr(number) if np.isfinite(number) else ("nan" if np.isnan(number) else f"{number}")
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _list(items: Any) -> str:
-    return "[" + ", ".join(_text(str(item)) for item in items) + "]"
-
-
-def _stage_lines(stage: StageLog) -> list[str]:
-    values = ", ".join(f"{_text(key)} = {_number(value)}" for key, value in stage.values.items())
-    lines = [
-        f"name = {_text(stage.name)}",
-        f"method = {_text(stage.method)}",
-        f"movements = {_list(stage.movements)}",
-        f"values = {{ {values} }}  # SI",
-        f"misfit = {_number(stage.misfit)}",
-        f"evaluations = {stage.evaluations}",
-        f"iterations = {stage.iterations}",
-        f"message = {_text(stage.message)}",
-    ]
-    if stage.sweep:
-        rows = (
-            f"{_text(key)} = [{', '.join(map(_number, row))}]" for key, row in stage.sweep.items()
-        )
-        lines.append(f"sweep = {{ {', '.join(rows)} }}")
-    return lines
 
 
 def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[str, ...]:

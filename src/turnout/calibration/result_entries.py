@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import xarray as xr
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import MeasuredMovement, channel_name
-from turnout.calibration.misfit import shared_corrections
+from turnout.calibration.misfit import remaining
 from turnout.calibration.objects import is_of_object
 from turnout.calibration.parameter import Fitted, Parameter
 from turnout.calibration.result import Calibration, StageLog
@@ -165,66 +166,46 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
 
 
 def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
-    """Return every parameter of the plan as it came out of the last stage."""
-    places = {item.name: number for number, item in enumerate(final.parameters)}
-    found = []
+    """Return every parameter of the plan as it came out of the last stage, and sizes of causes."""
     planned = {item.name for item in plan.parameters}
-    causes = [p for p in final.parameters if p.name not in planned and not is_of_object(p)]
-    for item in (*(p for p in plan.parameters if not is_of_object(p)), *causes):
-        number = places.get(item.name)
-        value = final.values[item.name]
-        deviation, interval, state = float("nan"), (value, value), "fixed"
-        if number is not None:
-            deviation = spread.deviations[number]
-            interval = spread.intervals[number]
-            state = spread.states[number]
-        found.append(
-            Fitted(
-                name=item.name,
-                keys=item.keys,
-                unit=item.unit,
-                value=value,
-                deviation=deviation,
-                lower=item.lower,
-                upper=item.upper,
-                interval=interval,
-                start=item.start,
-                state=state,
-            )
-        )
-    return tuple(found)
+    causes = [item for item in final.parameters if item.name not in planned]
+    return tuple(
+        _fitted(item, final, spread)
+        for item in (*plan.parameters, *causes)
+        if not is_of_object(item)
+    )
 
 
 def fitted_objects(final: Fit, spread: Spread) -> tuple[Fitted, ...]:
     """Return what came out of thickness and place of the objects."""
-    return tuple(
-        Fitted(
-            name=item.name,
-            keys=(),
-            unit=item.unit,
-            value=final.values[item.name],
-            deviation=spread.deviations[number],
-            lower=item.lower,
-            upper=item.upper,
-            interval=spread.intervals[number],
-            start=item.start,
-            state=spread.states[number],
-        )
-        for number, item in enumerate(final.parameters)
-        if is_of_object(item)
+    return tuple(_fitted(item, final, spread) for item in final.parameters if is_of_object(item))
+
+
+def _fitted(item: Parameter, final: Fit, spread: Spread) -> Fitted:
+    """Return a parameter as it came out, or as it was held."""
+    value = final.values[item.name]
+    columns = zip(spread.deviations, spread.intervals, spread.states, strict=True)
+    known = dict(zip((p.name for p in final.parameters), columns, strict=True))
+    held = (float("nan"), (value, value), "fixed")
+    deviation, interval, state = known.get(item.name, held)
+    return Fitted(
+        name=item.name,
+        keys=item.keys,
+        unit=item.unit,
+        value=value,
+        deviation=deviation,
+        lower=item.lower,
+        upper=item.upper,
+        interval=interval,
+        start=item.start,
+        state=state,
     )
 
 
 def noise_entries(final: Fit) -> dict[str, dict[str, float]]:
     """Return the noise at the end of a fit, by channel name [N], [s]."""
     return {
-        channel_name(channel, drive): {
-            "white": noise.white,
-            "slow": noise.slow,
-            "slow_length": noise.slow_length,
-            "missed": noise.missed,
-            "missed_length": noise.missed_length,
-        }
+        channel_name(channel, drive): asdict(noise)
         for (channel, drive), noise in final.misfit.comparison.noise.items()
     }
 
@@ -249,15 +230,9 @@ def movement_rows(found: Fit) -> dict[str, Row]:
         left [N], as "zero drive_force.1".
     """
     rows: dict[str, Row] = {}
-    corrections = shared_corrections(found.local, found.frame)
-    for alignment, response, shared in zip(
-        found.frame.alignments, found.local.simulated, corrections, strict=True
-    ):
+    for alignment, parts in remaining(found.local, found.frame):
         row = {name: mean for name, (mean, _) in alignment.estimates.items()}
-        left = alignment.remaining_residuals(response, shared=shared)
-        for (signal, _), (zero, gain), rest in zip(
-            alignment.parts, alignment.channels, left, strict=True
-        ):
+        for (signal, _, rest), (zero, gain) in zip(parts, alignment.channels, strict=True):
             key = f"{signal.channel}.{signal.drive}".rstrip(".")
             row |= {f"zero {key}": zero, f"gain {key}": gain}
             row[f"residual {key}"] = float(np.sqrt(np.mean(rest**2)))
@@ -275,27 +250,20 @@ def fitted_signals(found: Fit) -> xr.Dataset:
         compared; the residual is without what onset, friction, zero and gain of the movement, and
         the sensors, explain.
     """
-    parts = [
-        (alignment, signal, bins)
-        for alignment in found.frame.alignments
-        for signal, bins in alignment.parts
-    ]
-    channels = list(dict.fromkeys(_label(signal.drive) for _, signal, _ in parts))
-    names = [alignment.movement.name for alignment in found.frame.alignments]
-    time = max((signal.time[bins] for _, signal, bins in parts), key=lambda row: row.size)
-    shape = (len(names), len(channels), time.size)
+    left = remaining(found.local, found.frame)
+    every = [part for _, parts in left for part in parts]
+    channels = list(dict.fromkeys(_label(signal.drive) for signal, _, _ in every))
+    time = max((signal.time[bins] for signal, bins, _ in every), key=lambda row: row.size)
+    shape = (len(left), len(channels), time.size)
     measured, residual = np.full(shape, np.nan), np.full(shape, np.nan)
-    corrections = shared_corrections(found.local, found.frame)
-    for number, (alignment, response, shared) in enumerate(
-        zip(found.frame.alignments, found.local.simulated, corrections, strict=True)
-    ):
-        left = alignment.remaining_residuals(response, shared=shared)
-        for (signal, bins), rest in zip(alignment.parts, left, strict=True):
+    for number, (_, parts) in enumerate(left):
+        for signal, bins, rest in parts:
             at = np.searchsorted(time, signal.time[bins] - 1e-6)
             place = channels.index(_label(signal.drive))
             inside = at < time.size
             measured[number, place, at[inside]] = signal.values[bins][inside]
             residual[number, place, at[inside]] = rest[inside]
+    movements = [alignment.movement for alignment, _ in left]
     dims = ("movement", "channel", "time")
     return xr.Dataset(
         {
@@ -303,8 +271,8 @@ def fitted_signals(found: Fit) -> xr.Dataset:
             "fitted": (dims, measured - residual, {"units": "N"}),
             "residual": (dims, residual, {"units": "N"}),
         },
-        {"movement": names, "channel": channels, "time": time},
-        {"texts": [alignment.movement.text for alignment in found.frame.alignments]},
+        {"movement": [item.name for item in movements], "channel": channels, "time": time},
+        {"texts": [item.text for item in movements]},
     )
 
 

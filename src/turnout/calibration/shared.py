@@ -142,12 +142,10 @@ def shared_of(alignments: Sequence[Alignment], comparison: Comparison) -> Shared
 
 def _places(alignment: Alignment) -> list[tuple[Key, Floats, slice]]:
     """Return channel, times and place in the row of each part of a movement."""
-    found, first = [], 0
-    for signal, bins in alignment.parts:
-        place = slice(first, first + bins.size)
-        found.append(((signal.channel, signal.drive), signal.time[bins], place))
-        first += bins.size
-    return found
+    return [
+        ((signal.channel, signal.drive), signal.time[bins], place)
+        for signal, bins, place in alignment.pieces
+    ]
 
 
 def sensor_columns(comparison: Comparison) -> tuple[SensorColumn, ...]:

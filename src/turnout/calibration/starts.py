@@ -151,12 +151,10 @@ def misfit_share(misfit: Misfit, responses: Sequence[Response]) -> float:
         if response.failure:
             return float("inf")
         alignment = align(movement, response, comparison=misfit.comparison, sensitivities={})
-        row, first = alignment.measured - alignment.predicted(response), 0
-        for _, bins in alignment.parts:
-            piece = slice(first, first + bins.size)
+        row = alignment.measured - alignment.predicted(response)
+        for _, _, piece in alignment.pieces:
             width = float(np.ptp(alignment.measured[piece]))
             squares.append((row[piece] / max(width, 1.0)) ** 2)
-            first += bins.size
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
