@@ -152,11 +152,8 @@ def test_what_the_map_states_is_no_cause(by: Recorder) -> None:
 
 def test_fits_in_turn_are_of_causes_that_are_not_alike() -> None:
     causes = candidate_causes(load_panel("sb1"), PARAMETERS)
-    tried = [
-        [(cause_trials.TestedCause(name=item.name, text="", sizes=(), gain=1.0), item)]
-        for item in causes
-    ]
-    kept = [choice[0][1] for choice in one_of_alike(tried)]
+    tried = [[cause_trials.TestedCause(cause=item, sizes=(), gain=1.0)] for item in causes]
+    kept = [choice[0].cause for choice in one_of_alike(tried)]
     recorders = [item for item in causes if item.group == "recorder"]
     assert len(recorders) > 4
     assert [item for item in kept if item.group == "recorder"] == recorders[:1]
@@ -179,13 +176,13 @@ def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_m
     causes = candidate_causes(load_panel("sb1"), PARAMETERS)
     recorders = [item for item in causes if item.group == "recorder"]
     choices = cause_trials.cause_trials(before, recorders, most=1, decisive=DECISIVE)
-    samples = next(item for item in choices if "samples" in item[0][0].text)
+    samples = next(item for item in choices if "samples" in item[0].text)
     fitted = _fitted_with(before, whole, samples, on_step=None)
     assert common_lead(fitted) == pytest.approx(0.05, abs=0.01)
     budget = _Budget(evaluator=whole.evaluator, most=10**6, begun=0)
     found, choice = _best_of_alike(before, whole, (fitted, samples), choices, None, budget)
     assert common_lead(found) == 0.0
-    assert choice[0][0].text.startswith("the recorder averages over")
+    assert choice[0].text.startswith("the recorder averages over")
 
 
 def test_a_lead_of_the_motors_beside_samples_far_apart_stays() -> None:
@@ -242,12 +239,8 @@ def test_a_cause_that_the_end_does_not_need_is_left_out(stated: float) -> None:
     (size,) = cause.parameters
     values = {**TRUE, size.name: 0.3 - stated}
     final = fit(first, [*PARAMETERS, size], values)
-    tested = cause_trials.TestedCause(
-        name=cause.name, text="", sizes=(0.3 - stated,), gain=20.0, fitted=True
-    )
-    search = CauseSearch(
-        found=final, first=first, plain=whole, taken=((tested, cause),), misses=False
-    )
+    tested = cause_trials.TestedCause(cause=cause, sizes=(0.3 - stated,), gain=20.0, fitted=True)
+    search = CauseSearch(found=final, first=first, plain=whole, taken=(tested,), misses=False)
     kept = without_needless(search, final)
     if stated:
         assert kept.taken == ()

@@ -452,7 +452,7 @@ def _record(
     """Return the record of a fit with the spread of all its unknowns, without stages."""
     sensors = found_sensors(final)
     objects = fitted_objects(final, spread)
-    fitted = tuple(item.name for item, _ in search.taken) if search else ()
+    fitted = tuple(item.name for item in search.taken) if search else ()
     order = [str(name) for name in dataset["movement"].values]
     said = [
         *excluded_movements(dataset),

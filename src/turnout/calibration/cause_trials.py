@@ -28,16 +28,16 @@ SLIPS, LEAST_SLIPPING, FURTHEST_LEVEL = 0.005, 3, 0.25
 NEARLY, LOWER = 0.85, 0.98
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TestedCause:
     """Evidence for one cause.
 
     Attributes
     ----------
-    name, text : str
-        Of the cause, at its likeliest size.
+    cause : Cause
+        That was tried.
     sizes : tuple of float
-        In the units of its parameters; none where each movement has its own.
+        Its likeliest, in the units of its parameters; none where each movement has its own.
     gain : float
         By how much it lowers the Bayesian information criterion [-].
     fitted : bool
@@ -46,17 +46,31 @@ class TestedCause:
         Values with which it was tried, where they are not those of the fit.
     """
 
-    name: str
-    text: str
+    cause: Cause
     sizes: tuple[float, ...]
     gain: float
     fitted: bool = False
     beside: Mapping[str, float] = field(default_factory=dict)
 
-    def as_fitted(self, cause: Cause, found: Fit) -> "TestedCause":
+    @property
+    def name(self) -> str:
+        """Name of the cause."""
+        return self.cause.name
+
+    @property
+    def text(self) -> str:
+        """The cause at its sizes, as a sentence."""
+        return self.cause.text(self.sizes)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values with which a fit with it begins, where they are not those of the fit before."""
+        own = zip((item.name for item in self.cause.parameters), self.sizes, strict=True)
+        return {**self.beside, **dict(own)}
+
+    def as_fitted(self, found: Fit) -> "TestedCause":
         """Return the cause at the sizes that were fitted."""
-        sizes = cause.sizes_in(found.values)
-        return replace(self, sizes=sizes, text=cause.text(sizes), fitted=True)
+        return replace(self, sizes=self.cause.sizes_in(found.values), fitted=True)
 
     @property
     def line(self) -> str:
@@ -93,7 +107,7 @@ def with_cause(misfit: Misfit, cause: Cause) -> Misfit:
 
 def cause_trials(
     found: Fit, causes: Sequence[Cause], *, most: int, decisive: float
-) -> list[list[tuple[TestedCause, Cause]]]:
+) -> list[list[TestedCause]]:
     """Try causes at their sizes, with all values adjusted to first order; the likeliest first.
 
     Only the change that a cause makes is thrown, quickly: what quick throws are off by is off
@@ -114,7 +128,7 @@ def cause_trials(
 
     Returns
     -------
-    list of list of (TestedCause, Cause)
+    list of list of TestedCause
         Choices of one or several causes, the likeliest choice first; then what is left.
     """
     known = about_clock(found.misfit, found.frame)
@@ -136,33 +150,19 @@ def cause_trials(
             continue
         trial, best = _tried(found, cause, misfit, origin)
         gain = plain - best - max(len(cause.parameters), 1) * float(np.log(samples))
-        single.append([(replace(trial, gain=gain), cause)])
+        single.append([replace(trial, gain=gain)])
     chosen = _chosen_together(r, J, linear, samples=samples, most=most, decisive=decisive)
-    return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item, _ in choice))
+    return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item in choice))
 
 
-def one_of_alike(
-    choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
-) -> list[Sequence[tuple[TestedCause, Cause]]]:
+def one_of_alike(choices: Sequence[Sequence[TestedCause]]) -> list[Sequence[TestedCause]]:
     """Return the likeliest choice of causes much alike, in their order, and all others."""
-    groups = [choice[0][1].group for choice in choices]
+    groups = [choice[0].cause.group for choice in choices]
     return [
         choice
         for number, choice in enumerate(choices)
         if not groups[number] or groups[number] not in groups[:number]
     ]
-
-
-def each_name_once(tested: Sequence[TestedCause]) -> list[TestedCause]:
-    """Return the likeliest of each name, in their order."""
-    found: dict[str, TestedCause] = {}
-    for item in tested:
-        found.setdefault(item.name, item)
-    return list(found.values())
-
-
-def _trial(cause: Cause, sizes: tuple[float, ...], gain: float) -> TestedCause:
-    return TestedCause(name=cause.name, text=cause.text(sizes), sizes=sizes, gain=gain)
 
 
 def _tried(
@@ -171,25 +171,20 @@ def _tried(
     """Return a cause at its likeliest size, and minus twice the log-likelihood with it."""
     if not cause.parameters:
         drive = next(iter(cause.scatter)).split(".")[1]
-        return _trial(cause, (), 0.0), _with_own_levels(found, misfit, drive)
-    first, *others = cause.parameters
-    tries = [(size, *(item.start for item in others)) for size in cause.tries]
-    beside = [cause.beside(found.values, sizes) if cause.beside else {} for sizes in tries]
-    points = [
-        {
-            **found.values,
-            **values,
-            **{p.name: size for p, size in zip(cause.parameters, sizes, strict=True)},
-        }
-        for sizes, values in zip(tries, beside, strict=True)
-    ]
+        return TestedCause(cause=cause, sizes=(), gain=0.0), _with_own_levels(found, misfit, drive)
+    others = tuple(item.start for item in cause.parameters[1:])
+    trials = []
+    for size in cause.tries:
+        beside = cause.beside(found.values, (size, *others)) if cause.beside else {}
+        trials.append(TestedCause(cause=cause, sizes=(size, *others), gain=0.0, beside=beside))
+    points = [{**found.values, **trial.values} for trial in trials]
     rows = _changed(found, misfit, points, origin, thrown=cause.law is not None)
     results = [(_judged(found, misfit, row), number) for number, row in enumerate(rows)]
     best, number = min(results, default=(float("inf"), 0))
-    sizes = tries[number]
     if cause.refined and np.isfinite(best):
         sizes, best = _refined(found, misfit, cause, number, best)
-    return replace(_trial(cause, sizes, 0.0), beside=beside[number]), best
+        return replace(trials[number], sizes=sizes), best
+    return trials[number], best
 
 
 def _judged(found: Fit, misfit: Misfit, row: Sequence[Response]) -> float:
@@ -264,7 +259,7 @@ def _chosen_together(
     samples: float,
     most: int,
     decisive: float,
-) -> list[list[tuple[TestedCause, Cause]]]:
+) -> list[list[TestedCause]]:
     r"""Choose causes one after the other, those chosen and all values adjusted with each.
 
     With the columns `A` of parameters that have priors, in their deviations, and `A'` what of them
@@ -297,8 +292,6 @@ def _chosen_together(
     gains: list[float] = []
     least = deviance([])[0]
     left = list(range(len(linear)))
-    choice: list[tuple[TestedCause, Cause]] = []
-    others: list[list[tuple[TestedCause, Cause]]] = []
     while left and len(taken) < most:
         scores = {n: least - deviance([*taken, n])[0] for n in left}
         best = max(scores, key=lambda n: scores[n])
@@ -309,22 +302,22 @@ def _chosen_together(
         least -= scores[best]
         left.remove(best)
     sizes = iter(deviance(taken)[1].tolist())
-    for n, gain in zip(taken, gains, strict=True):
-        choice.append((_trial(linear[n][0], _reached(linear[n][0], sizes), gain), linear[n][0]))
-    for n in (n for n in range(len(linear)) if n not in taken):
+    choice = [_reached(linear[n][0], sizes, gain) for n, gain in zip(taken, gains, strict=True)]
+    others = []
+    for n in sorted(left):
         value, a = deviance([*taken, n])
         own = iter(a.tolist()[a.size - len(linear[n][0].parameters) :])
-        cause = linear[n][0]
-        others.append([(_trial(cause, _reached(cause, own), least - value), cause)])
+        others.append([_reached(linear[n][0], own, least - value)])
     return [choice, *others] if choice else others
 
 
-def _reached(cause: Cause, sizes: Iterator[float]) -> tuple[float, ...]:
-    """Return the sizes of a cause from those in its scales, within the bounds."""
-    return tuple(
+def _reached(cause: Cause, sizes: Iterator[float], gain: float) -> TestedCause:
+    """Return a cause at sizes from those in its scales, within the bounds."""
+    reached = tuple(
         min(max(item.start + next(sizes) * _scale(item, size), item.lower), item.upper)
         for item, size in zip(cause.parameters, cause.tries, strict=True)
     )
+    return TestedCause(cause=cause, sizes=reached, gain=gain)
 
 
 def _changed(

@@ -17,7 +17,6 @@ from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import (
     TestedCause,
     cause_trials,
-    each_name_once,
     one_of_alike,
     own_levels,
     with_cause,
@@ -107,7 +106,7 @@ class CauseSearch:
         As a fit with them begins: with the noise of the measurement.
     plain : Misfit
         The same without causes.
-    taken : tuple of (TestedCause, Cause)
+    taken : tuple of TestedCause
         Those that were taken up.
     others : tuple of TestedCause
         That explain something, the likeliest first.
@@ -120,7 +119,7 @@ class CauseSearch:
     found: Fit
     first: Misfit
     plain: Misfit
-    taken: tuple[tuple[TestedCause, Cause], ...] = ()
+    taken: tuple[TestedCause, ...] = ()
     others: tuple[TestedCause, ...] = ()
     misses: bool
     stopped: int = 0
@@ -128,12 +127,11 @@ class CauseSearch:
     @property
     def tested(self) -> tuple[TestedCause, ...]:
         """Those that were taken up, then the others."""
-        return (*(item for item, _ in self.taken), *self.others)
+        return (*self.taken, *self.others)
 
     def ended(self, final: Fit) -> "CauseSearch":
         """Return the search with its causes as the fit to the end found them."""
-        taken = tuple((item.as_fitted(cause, final), cause) for item, cause in self.taken)
-        return replace(self, taken=taken)
+        return replace(self, taken=tuple(item.as_fitted(final) for item in self.taken))
 
 
 def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
@@ -233,7 +231,7 @@ def with_causes(
     -------
     CauseSearch
     """
-    plain, taken = first, list[tuple[TestedCause, Cause]]()
+    plain, taken = first, list[TestedCause]()
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters, first.movements)
     budget = _Budget(
@@ -250,29 +248,31 @@ def with_causes(
         tested = [
             item
             for choice in choices
-            for item, cause in choice
-            if item.gain > DECISIVE and not cause.is_slight(item.sizes)
+            for item in choice
+            if item.gain > DECISIVE and not item.cause.is_slight(item.sizes)
         ]
-        good = [choice for choice in choices if choice[0][0].gain > DECISIVE]
+        good = [choice for choice in choices if choice[0].gain > DECISIVE]
         fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], on_step, budget)
         if fitted is None:
             break
         found, choice = _best_of_alike(found, first, fitted, good, on_step, budget)
-        for _, cause in choice:
-            first = with_cause(first, cause)
+        for item in choice:
+            first = with_cause(first, item.cause)
         taken += choice
         found = _continued(found, first, on_step)
-        left = tuple(item for item in left if all(item.goes_with(cause) for _, cause in choice))
-    names = {item.name for item, _ in taken}
-    others = [item for item in tested if item.name not in names]
+        left = tuple(cause for cause in left if all(cause.goes_with(item.cause) for item in choice))
+    # The likeliest of each name, where those that were taken up do not explain what it does.
+    others = dict[str, TestedCause]()
+    for item in tested if misses else ():
+        if item.name not in {known.name for known in taken}:
+            others.setdefault(item.name, item)
     return CauseSearch(
         found=found,
         first=first,
         plain=plain,
         taken=tuple(taken),
         stopped=budget.spent if misses and budget.is_spent else 0,
-        # Where nothing is missed any more, those that were taken up explain what the others did.
-        others=tuple(each_name_once(others)) if misses else (),
+        others=tuple(others.values()),
         misses=misses,
     ).ended(found)
 
@@ -306,15 +306,14 @@ def without_needless(
     CauseSearch
         The same one where all are needed.
     """
-    needed = [pair for pair in search.taken if is_needed(pair[1], final)]
+    needed = [item for item in search.taken if is_needed(item.cause, final)]
     if len(needed) == len(search.taken):
         return search
-    first, kept = search.plain, [cause for _, cause in needed]
-    for cause in kept:
-        first = with_cause(first, cause)
-    dropped = {
-        item.name for pair in search.taken if pair not in needed for item in pair[1].parameters
-    }
+    left_out = [item.cause for item in search.taken if item not in needed]
+    first = search.plain
+    for item in needed:
+        first = with_cause(first, item.cause)
+    dropped = {item.name for cause in left_out for item in cause.parameters}
     vary = [item for item in final.parameters if item.name not in dropped]
     values = {name: value for name, value in final.values.items() if name not in dropped}
     effects = {
@@ -330,7 +329,7 @@ def without_needless(
         found = brief_fit(replace(first, base=values), vary, values, near=start, on_step=on_step)
     except SolverError:
         return search
-    slight = all(cause.is_slight_in(final.values) for _, cause in search.taken if cause not in kept)
+    slight = all(cause.is_slight_in(final.values) for cause in left_out)
     if not slight and missed_share(found) * LESS_MISSED > missed_share(final):
         return search
     return replace(
@@ -362,10 +361,10 @@ def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | Non
 def _first_that_helps(
     found: Fit,
     first: Misfit,
-    choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
+    choices: Sequence[Sequence[TestedCause]],
     on_step: Callable[[float], None] | None,
     budget: _Budget,
-) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]] | None:
+) -> tuple[Fit, Sequence[TestedCause]] | None:
     """Fit with the likeliest choices in turn until one makes the model miss less.
 
     Brief fits first; where none helps, and much is missed, fits to their end.
@@ -378,7 +377,7 @@ def _first_that_helps(
             break
         try:
             again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
-            kept = [pair for pair in choice if not pair[1].is_slight_in(again.values)]
+            kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
                 choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
         except SolverError:
@@ -391,18 +390,18 @@ def _first_that_helps(
 def _best_of_alike(
     before: Fit,
     first: Misfit,
-    fitted: tuple[Fit, Sequence[tuple[TestedCause, Cause]]],
-    choices: Sequence[Sequence[tuple[TestedCause, Cause]]],
+    fitted: tuple[Fit, Sequence[TestedCause]],
+    choices: Sequence[Sequence[TestedCause]],
     on_step: Callable[[float], None] | None,
     budget: _Budget,
-) -> tuple[Fit, Sequence[tuple[TestedCause, Cause]]]:
+) -> tuple[Fit, Sequence[TestedCause]]:
     """Return the fit that misses least of one with a cause and those with others much alike.
 
     A mean over the past and filters of a recorder delay forces alike; which it is shows only in
     what a fit with each still misses, or in a lead of the motors that but one of them needs.
     """
     found, choice = fitted
-    taken = choice[0][1]
+    taken = choice[0].cause
     # One at its bound is another: a bushing without stiffness is play.
     bound = any(item.at_bound(found.values[item.name]) for item in taken.parameters)
     if not taken.group:
@@ -411,7 +410,7 @@ def _best_of_alike(
     if not (bound or with_lead or is_worth_a_search(found)):
         return fitted
     for other in choices:
-        cause = other[0][1]
+        cause = other[0].cause
         if len(other) > 1 or cause is taken or cause.group != taken.group:
             continue
         if budget.is_spent:
@@ -445,7 +444,7 @@ def missed_share(found: Fit) -> float:
 def _fitted_with(
     found: Fit,
     first: Misfit,
-    choice: Sequence[tuple[TestedCause, Cause]],
+    choice: Sequence[TestedCause],
     *,
     thorough: bool = False,
     on_step: Callable[[float], None] | None,
@@ -454,11 +453,11 @@ def _fitted_with(
     values, vary = dict(found.values), list(found.parameters)
     effects, scatter = dict(found.misfit.effects), dict(found.misfit.comparison.scatter)
     misfit = first
-    for tested, cause in choice:
+    for item in choice:
+        cause = item.cause
         if not cause.parameters:
             effects = own_levels(found, next(iter(cause.scatter)).split(".")[1])
-        values |= tested.beside
-        values |= {p.name: size for p, size in zip(cause.parameters, tested.sizes, strict=True)}
+        values |= item.values
         vary += cause.parameters
         scatter |= cause.scatter
         misfit = with_cause(misfit, cause)
