@@ -9,9 +9,8 @@ from tests.faults.terminal import run_here
 
 from turnout.calibration.calibrate import calibrate
 from turnout.calibration.measured_movements import observe
-from turnout.calibration.parameter import Parameter
 from turnout.calibration.requirements import check_campaign
-from turnout.calibration.stages import default_plan
+from turnout.calibration.stages import Parameter, default_plan
 from turnout.core.errors import MeasurementError, PanelError
 from turnout.panel.load import load_panel
 from turnout.throw.store import save_response

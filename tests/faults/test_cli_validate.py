@@ -6,8 +6,8 @@ import numpy as np
 from tests.unit.campaigns import copied
 from typer.testing import CliRunner, Result
 
-from turnout.calibration.parameter import Fitted
 from turnout.calibration.result import Calibration
+from turnout.calibration.stages import Fitted
 from turnout.cli.main import app
 from turnout.core.errors import TurnoutError
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from turnout.calibration.parameter import Fitted
 from turnout.calibration.result import Calibration, StageLog
+from turnout.calibration.stages import Fitted
 from turnout.panel.load import load_panel
 
 

@@ -16,7 +16,7 @@ from turnout.calibration.advice import (
 from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.covariance import plain_gain_column, spread_of
 from turnout.calibration.fit import Fit, fit
-from turnout.calibration.parameter import prior_information
+from turnout.calibration.stages import prior_information
 
 
 @cache

@@ -13,7 +13,6 @@ from turnout.calibration.causes import (
     DECISIVE,
     CauseSearch,
     _best_of_alike,
-    _Budget,
     _fitted_with,
     cause_lines,
     is_needed,
@@ -59,7 +58,7 @@ def recorded(
 def search_of(whole: Misfit) -> CauseSearch:
     """Search for causes where a rough fit ended."""
     near = fit(whole, PARAMETERS, TRUE, rough=True)
-    return with_causes(brief_fit(whole, PARAMETERS, TRUE, near=near), whole, load_panel("sb1"))
+    return with_causes(brief_fit(whole, near), whole, load_panel("sb1"))
 
 
 def averaged(*, stated: float = 0.0) -> list[MeasuredMovement]:
@@ -108,11 +107,11 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
 ) -> None:
     whole = misfit(averaged())
     near = fit(whole, PARAMETERS, TRUE, rough=True)
-    found = brief_fit(whole, PARAMETERS, TRUE, near=near)
+    found = brief_fit(whole, near)
     assert is_worth_a_search(found)
     begun: list[bool] = []
 
-    def noted(*_: object, near: Fit, **__: object) -> Fit:
+    def noted(_: Misfit, near: Fit, **__: object) -> Fit:
         begun.append(bool(near.local.stepped))
         return found
 
@@ -123,10 +122,10 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
     monkeypatch.setattr(starts, "brief_fit", noted)
     # A fit to its end is tried, and is none where it fails.
     monkeypatch.setattr(starts, "fit", fails)
-    assert starts.first_fit(whole, PARAMETERS, near, found) is found
+    assert starts.first_fit(whole, found) is found
     assert begun == [True, False]
     monkeypatch.setattr(starts, "is_worth_a_search", lambda *_, **__: False)
-    starts.first_fit(whole, PARAMETERS, near, found)
+    starts.first_fit(whole, found)
     assert begun[2:] == [True]
 
 
@@ -172,15 +171,14 @@ def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_m
     # Samples far apart delay nothing: with them all movements begin half a mean later than marked.
     whole = misfit(recorded(Recorder(average=0.1), stated=Recorder()))
     near = fit(whole, PARAMETERS, TRUE, rough=True)
-    before = brief_fit(whole, PARAMETERS, TRUE, near=near)
+    before = brief_fit(whole, near)
     causes = candidate_causes(load_panel("sb1"), PARAMETERS)
     recorders = [item for item in causes if item.group == "recorder"]
     choices = cause_trials.cause_trials(before, recorders, most=1, decisive=DECISIVE)
     samples = next(item for item in choices if "samples" in item[0].text)
-    fitted = _fitted_with(before, whole, samples, on_step=None)
+    fitted = _fitted_with(before, whole, samples)
     assert common_lead(fitted) == pytest.approx(0.05, abs=0.01)
-    budget = _Budget(evaluator=whole.evaluator, most=10**6, begun=0)
-    found, choice = _best_of_alike(before, whole, (fitted, samples), choices, None, budget)
+    found, choice = _best_of_alike(before, whole, (fitted, samples), choices, lambda: False)
     assert common_lead(found) == 0.0
     assert choice[0].text.startswith("the recorder averages over")
 

@@ -23,8 +23,8 @@ from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
 from turnout.calibration.misfit import Misfit, framed, jacobian
-from turnout.calibration.parameter import Parameter
 from turnout.calibration.result_entries import distrust_reasons
+from turnout.calibration.stages import Parameter
 from turnout.panel.load import load_panel
 
 TRUE = {"mu": 0.31, "k": 900e3}
@@ -148,13 +148,13 @@ def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() 
         )
         for share in (0.0, 1e-3)
     )
-    found = _least_squares(known, PARAMETERS, TRUE, rough=False, on_step=None)
+    found = _least_squares(known, PARAMETERS, TRUE, rough=False)
     narrow = spread_of(found).coordinate_covariance
     wide = spread_of(replace(found, misfit=doubted)).coordinate_covariance
     added = np.sqrt(np.diag(wide - narrow))
     for item in measured:
         item.signals[0].values[:] *= 1.001
-    moved = _least_squares(known, PARAMETERS, found.values, rough=False, on_step=None)
+    moved = _least_squares(known, PARAMETERS, found.values, rough=False)
     np.testing.assert_allclose(added, np.abs(moved.point - found.point), rtol=0.05)
     assert added.min() > 2e-4
 
@@ -178,7 +178,7 @@ def listened(whole: Misfit) -> list[tuple[ThrowInputs, float]]:
         asked.extend((throw, float(str(throw.overrides["k"]))) for throw in throws)
         return answer(throws)
 
-    whole.evaluator = SimpleNamespace(responses=listening)
+    whole.evaluator = SimpleNamespace(responses=listening, step_made=lambda _: None)
     return asked
 
 

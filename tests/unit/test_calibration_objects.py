@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import movement
 
-from turnout.calibration.objects import (
+from turnout.calibration.measured_movements import (
     acts_on,
     as_found,
     common_unknowns,
@@ -17,8 +17,8 @@ from turnout.calibration.objects import (
     thickness_name,
     thrown_object,
 )
-from turnout.calibration.parameter import Fitted
 from turnout.calibration.sensors import PLACE, STATE, THICKNESS, Stated, kind_that_leaves
+from turnout.calibration.stages import Fitted
 
 FREE = replace(movement("free", rng=np.random.default_rng(0)), place="none", size=0.0)
 TRAPPED = replace(FREE, name="trapped", place="sleeper 7", size=0.013, x=3.9)

@@ -11,7 +11,7 @@ from turnout.calibration.advice import check_shares, panel_column, panel_lines, 
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import fit
-from turnout.calibration.parameter import free_parameter
+from turnout.calibration.stages import free_parameter
 from turnout.core.errors import PanelError, SolverError
 from turnout.panel.load import load_panel
 

@@ -2,8 +2,16 @@
 
 import pytest
 
-from turnout.calibration.parameter import Parameter, free_parameter, unit_in, value_in
-from turnout.calibration.stages import CalibrationPlan, Selection, Stage, default_plan
+from turnout.calibration.stages import (
+    CalibrationPlan,
+    Parameter,
+    Selection,
+    Stage,
+    default_plan,
+    free_parameter,
+    unit_in,
+    value_in,
+)
 from turnout.core.errors import PanelError
 from turnout.panel.load import load_panel
 

@@ -12,7 +12,6 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit, shared_estimates
-from turnout.calibration.parameter import Parameter
 from turnout.calibration.sensors import (
     FoundSensor,
     Stated,
@@ -22,7 +21,7 @@ from turnout.calibration.sensors import (
     stated_unknowns,
 )
 from turnout.calibration.shared import SensorColumn
-from turnout.calibration.stages import default_plan
+from turnout.calibration.stages import Parameter, default_plan
 from turnout.panel.load import load_panel
 
 FREE = PARAMETERS[1]

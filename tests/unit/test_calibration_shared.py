@@ -17,7 +17,6 @@ from turnout.calibration.covariance import (
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit, framed
-from turnout.calibration.parameter import Parameter
 from turnout.calibration.sensors import common_lead, found_sensors
 from turnout.calibration.shared import (
     Shared,
@@ -26,6 +25,7 @@ from turnout.calibration.shared import (
     shared_discrepancy,
     shared_of,
 )
+from turnout.calibration.stages import Parameter
 
 Floats = NDArray[np.float64]
 KEY = ("drive_force", "1")

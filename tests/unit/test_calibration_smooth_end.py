@@ -23,8 +23,8 @@ from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.linearisation import REACH, plane_of, points_about, reaches_of
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.parameter import Parameter
 from turnout.calibration.result_entries import distrust_reasons
+from turnout.calibration.stages import Parameter
 from turnout.panel.load import load_panel
 
 

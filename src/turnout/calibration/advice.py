@@ -21,18 +21,18 @@ from turnout.calibration.measured_movements import (
     OBJECT_FORCE,
     MeasuredMovement,
     Signal,
+    is_of_object,
     movement_length,
 )
 from turnout.calibration.misfit import Frame, Misfit, framed, plain_jacobian
-from turnout.calibration.objects import is_of_object
-from turnout.calibration.parameter import (
+from turnout.calibration.sensors import FoundSensor
+from turnout.calibration.shared import GAIN, shared_of
+from turnout.calibration.stages import (
     Parameter,
     free_parameter,
     prior_information,
     prior_slopes,
 )
-from turnout.calibration.sensors import FoundSensor
-from turnout.calibration.shared import GAIN, shared_of
 from turnout.core.errors import PanelError, SolverError
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel

@@ -47,13 +47,14 @@ from turnout.calibration.fit import (
     brief_fit,
     fit,
 )
-from turnout.calibration.measured_movements import MeasuredMovement, observe, selected
-from turnout.calibration.misfit import Misfit
-from turnout.calibration.objects import (
+from turnout.calibration.measured_movements import (
+    MeasuredMovement,
     common_unknowns,
     object_lines,
+    observe,
+    selected,
 )
-from turnout.calibration.parameter import Parameter
+from turnout.calibration.misfit import Misfit
 from turnout.calibration.requirements import (
     check_campaign,
     drop_unidentified_slip_levels,
@@ -84,6 +85,7 @@ from turnout.calibration.sensors import (
 from turnout.calibration.stages import (
     JOINT_MOVEMENTS,
     CalibrationPlan,
+    Parameter,
     Stage,
     default_plan,
     with_unknowns,
@@ -403,6 +405,7 @@ def calibrate(
         Evaluator(panel, folder=folder, workers=workers, scheme=scheme) as evaluator,
     ):
         evaluator.on_throw = lambda: watch.report_state(evaluator)
+        evaluator.on_step = watch.found
         run = _Run(plan, panel, movements, comparison, evaluator, watch, causes)
         try:
             rods = rod_warnings(dataset, movements, evaluator)
@@ -592,9 +595,9 @@ class _Run:
                 last = number == len(self.plan.stages)
                 rough = replace(misfit.comparison, gains={}, common_zero=0.0)
                 near = replace(leading, quick=True, comparison=rough)
-                final = nearest_fit(near, parameters, starts, on_step=self.watch.found)
+                final = nearest_fit(near, parameters, starts)
                 if last:
-                    final = with_thicker(near, final, on_step=self.watch.found)
+                    final = with_thicker(near, final)
                 values = dict(final.values)
                 if last:
                     start = replace(leading, base=values)
@@ -620,7 +623,7 @@ class _Run:
 
         Where this is ended after the first fit, what was found by then is given.
         """
-        start, found = self._first(near, start, parameters)
+        start, found = self._first(near, start)
         misses = is_worth_a_search(found)
         self.watch.verdict = first_verdict(found, causes=self.causes, limit=self.watch.limit)
         if misses and self.causes:
@@ -634,29 +637,27 @@ class _Run:
             ]
             return self.best[0].found, self.best[0].ended(self.best[0].found)
 
-    def _first(
-        self, near: Fit, start: Misfit, parameters: Sequence[Parameter]
-    ) -> tuple[Misfit, Fit]:
+    def _first(self, near: Fit, start: Misfit) -> tuple[Misfit, Fit]:
         """Return the first fit by throws of the scheme, and its start, with a lead if any."""
         # Slopes of quick throws serve to see what is missed, and for a first step.
         quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
-        found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
+        found = brief_fit(start, quick, passes=1, steps=0)
         lead = common_lead(found)
         # A recorder that averages, or a bushing that is soft, delays forces too, by less.
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
-            found = brief_fit(start, parameters, near.values, near=quick, passes=1, steps=0)
-        return start, first_fit(start, parameters, near, found, on_step=self.watch.found)
+            found = brief_fit(start, quick, passes=1, steps=0)
+        return start, first_fit(start, found)
 
     def _searched(self, chosen: tuple[MeasuredMovement, ...]) -> tuple[Fit, CauseSearch]:
         """Look for causes of the misfit of the first fit, and fit to the end.
 
         Movements that lead near show that as well; all that were chosen join for the end.
         """
-        search, on_step = self.best[0], self.watch.found
+        search = self.best[0]
         if self.causes:
-            search = with_causes(search.found, search.first, self.panel, on_step=on_step)
+            search = with_causes(search.found, search.first, self.panel)
             self.best[:] = [search]
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
@@ -671,7 +672,7 @@ class _Run:
         )
         final = self._final(search)
         self.best[:] = [replace(search, found=final)]
-        fewer = without_needless(search, final, on_step=on_step)
+        fewer = without_needless(search, final)
         if fewer is not search:
             search, final = fewer, self._final(fewer)
         return final, search.ended(final)
@@ -679,23 +680,15 @@ class _Run:
     def _final(self, search: CauseSearch) -> Fit:
         """Fit to the end from the end of a search for causes."""
         misfit = replace(search.first, base=search.found.values)
-        found, on_step = search.found, self.watch.found
+        found = search.found
         if search.misses:
             # Exact slopes are no remedy for what it still misses; finer throws are where it is
             # trusted all the same.
-            found = brief_fit(
-                misfit,
-                found.parameters,
-                found.values,
-                near=found,
-                passes=MAX_PASSES,
-                steps=MAX_STEPS,
-                on_step=on_step,
-            )
+            found = brief_fit(misfit, found, passes=MAX_PASSES, steps=MAX_STEPS)
             if is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found):
                 return found
             misfit = replace(misfit, base=found.values)
-        return fit(misfit, found.parameters, found.values, near=found, on_step=on_step)
+        return fit(misfit, found.parameters, found.values, near=found)
 
     def _misfit(
         self,

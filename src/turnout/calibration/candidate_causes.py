@@ -7,10 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.objects import PLACE, THICKNESS, own_places, own_thicknesses
-from turnout.calibration.parameter import Fitted, Parameter, free_parameter
-from turnout.calibration.stages import MILLIMETRE, known_to
+from turnout.calibration.measured_movements import (
+    PLACE,
+    THICKNESS,
+    MeasuredMovement,
+    own_places,
+    own_thicknesses,
+)
+from turnout.calibration.stages import MILLIMETRE, Fitted, Parameter, free_parameter, known_to
 from turnout.core.errors import PanelError
 from turnout.measurement.chain.recorder import (
     BESSEL,

@@ -12,8 +12,8 @@ from turnout.calibration.comparison import predicted
 from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import Frame, Misfit, about_clock, framed, jacobian
-from turnout.calibration.parameter import Parameter
 from turnout.calibration.shared import effective_samples, model_error
+from turnout.calibration.stages import Parameter
 
 Floats = NDArray[np.float64]
 # How often the levels of the movements are estimated again in a trial.

@@ -22,13 +22,13 @@ from turnout.calibration.cause_trials import (
     with_cause,
 )
 from turnout.calibration.comparison import Key, peaks_of
-from turnout.calibration.evaluate import Evaluator, throws_done
+from turnout.calibration.evaluate import throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import OBJECT_FORCE, channel_name
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.parameter import prior_slopes
 from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
 from turnout.calibration.shared import CLOCK, effective_samples, model_error
+from turnout.calibration.stages import prior_slopes
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
@@ -63,35 +63,6 @@ DECISIVE = 10.0
 # The scatter of a slip level from which on it is one [-], of movements that know it to this share
 # of what was expected.
 LEAST_SCATTER, SAYS_SOMETHING = 5e-3, 0.3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Budget:
-    """Number of throws that a search may take.
-
-    Attributes
-    ----------
-    evaluator : Evaluator
-        That throws for it.
-    most : int
-        Throws from which on it is spent.
-    begun : int
-        Those made before it.
-    """
-
-    evaluator: Evaluator
-    most: int
-    begun: int
-
-    @property
-    def spent(self) -> int:
-        """Throws made since it began."""
-        return throws_done(self.evaluator) - self.begun
-
-    @property
-    def is_spent(self) -> bool:
-        """True if no further fit is to begin."""
-        return self.spent >= self.most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -209,7 +180,9 @@ def ended_reasons(ended: Sequence[str]) -> list[str]:
 
 @one_blas_thread()
 def with_causes(
-    found: Fit, first: Misfit, panel: LoadedPanel, *, on_step: Callable[[float], None] | None = None
+    found: Fit,
+    first: Misfit,
+    panel: LoadedPanel,
 ) -> CauseSearch:
     """Test the causes of what a fit misses, and fit the decisive ones together with all values.
 
@@ -224,8 +197,6 @@ def with_causes(
         As it began: with the noise of the measurement.
     panel : LoadedPanel
         That is thrown.
-    on_step : callable, optional
-        As of `fit`.
 
     Returns
     -------
@@ -234,13 +205,13 @@ def with_causes(
     plain, taken = first, list[TestedCause]()
     tested: list[TestedCause] = []
     left = candidate_causes(panel, found.parameters, first.movements)
-    budget = _Budget(
-        evaluator=first.evaluator,
-        most=MOST_THROWS * len(first.movements),
-        begun=throws_done(first.evaluator),
-    )
+    begun, most = throws_done(first.evaluator), MOST_THROWS * len(first.movements)
+
+    def is_spent() -> bool:
+        return throws_done(first.evaluator) - begun >= most
+
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
-        if budget.is_spent:
+        if is_spent():
             break
         choices = cause_trials(
             found, left, most=min(AT_ONCE, MOST_CAUSES - len(taken)), decisive=DECISIVE
@@ -252,14 +223,14 @@ def with_causes(
             if item.gain > DECISIVE and not item.cause.is_slight(item.sizes)
         ]
         good = [choice for choice in choices if choice[0].gain > DECISIVE]
-        fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], on_step, budget)
+        fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], is_spent)
         if fitted is None:
             break
-        found, choice = _best_of_alike(found, first, fitted, good, on_step, budget)
+        found, choice = _best_of_alike(found, first, fitted, good, is_spent)
         for item in choice:
             first = with_cause(first, item.cause)
         taken += choice
-        found = _continued(found, first, on_step)
+        found = _continued(found, first)
         left = tuple(cause for cause in left if all(cause.goes_with(item.cause) for item in choice))
     # The likeliest of each name, where those that were taken up do not explain what it does.
     others = dict[str, TestedCause]()
@@ -271,14 +242,15 @@ def with_causes(
         first=first,
         plain=plain,
         taken=tuple(taken),
-        stopped=budget.spent if misses and budget.is_spent else 0,
+        stopped=throws_done(first.evaluator) - begun if misses and is_spent() else 0,
         others=tuple(others.values()),
         misses=misses,
     ).ended(found)
 
 
 def without_needless(
-    search: CauseSearch, final: Fit, *, on_step: Callable[[float], None] | None = None
+    search: CauseSearch,
+    final: Fit,
 ) -> CauseSearch:
     r"""Leave out causes that the fit to the end does not need, and fit briefly without them.
 
@@ -298,8 +270,6 @@ def without_needless(
         With the causes that were taken up.
     final : Fit
         To the end, with all of them.
-    on_step : callable, optional
-        As of `fit`.
 
     Returns
     -------
@@ -314,19 +284,19 @@ def without_needless(
     for item in needed:
         first = with_cause(first, item.cause)
     dropped = {item.name for cause in left_out for item in cause.parameters}
-    vary = [item for item in final.parameters if item.name not in dropped]
     values = {name: value for name, value in final.values.items() if name not in dropped}
     effects = {
         name: row for name, row in final.misfit.effects.items() if name in first.comparison.scatter
     }
     start = replace(
         final,
+        parameters=tuple(item for item in final.parameters if item.name not in dropped),
         values=values,
         misfit=replace(final.misfit, effects=effects),
         local=replace(final.local, stepped={}),
     )
     try:
-        found = brief_fit(replace(first, base=values), vary, values, near=start, on_step=on_step)
+        found = brief_fit(replace(first, base=values), start)
     except SolverError:
         return search
     slight = all(cause.is_slight_in(final.values) for cause in left_out)
@@ -337,20 +307,13 @@ def without_needless(
     )
 
 
-def _continued(found: Fit, first: Misfit, on_step: Callable[[float], None] | None) -> Fit:
+def _continued(found: Fit, first: Misfit) -> Fit:
     """Go on with a fit that stopped on its way, before another cause is looked for."""
     for _ in range(MOST_ROUNDS):
         if found.converged or not is_worth_a_search(found, share=CLEARLY):
             break
         again = brief_fit(
-            replace(first, base=found.values),
-            found.parameters,
-            found.values,
-            near=found,
-            share=LEFT_MISSED,
-            passes=1,
-            steps=CAUSE_STEPS,
-            on_step=on_step,
+            replace(first, base=found.values), found, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS
         )
         if missed_share(again) > LESS_MISSED * missed_share(found):
             break
@@ -362,8 +325,7 @@ def _first_that_helps(
     found: Fit,
     first: Misfit,
     choices: Sequence[Sequence[TestedCause]],
-    on_step: Callable[[float], None] | None,
-    budget: _Budget,
+    is_spent: Callable[[], bool],
 ) -> tuple[Fit, Sequence[TestedCause]] | None:
     """Fit with the likeliest choices in turn until one makes the model miss less.
 
@@ -373,13 +335,13 @@ def _first_that_helps(
     tries = [(choice, False) for choice in choices]
     tries += [(choice, True) for choice in reversed(choices) if far]
     for choice, thorough in tries:
-        if budget.is_spent:
+        if is_spent():
             break
         try:
-            again = _fitted_with(found, first, choice, thorough=thorough, on_step=on_step)
+            again = _fitted_with(found, first, choice, thorough=thorough)
             kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
-                choice, again = kept, _fitted_with(found, first, kept, on_step=on_step)
+                choice, again = kept, _fitted_with(found, first, kept)
         except SolverError:
             continue
         if kept and missed_share(again) <= LESS_MISSED * missed_share(found):
@@ -392,8 +354,7 @@ def _best_of_alike(
     first: Misfit,
     fitted: tuple[Fit, Sequence[TestedCause]],
     choices: Sequence[Sequence[TestedCause]],
-    on_step: Callable[[float], None] | None,
-    budget: _Budget,
+    is_spent: Callable[[], bool],
 ) -> tuple[Fit, Sequence[TestedCause]]:
     """Return the fit that misses least of one with a cause and those with others much alike.
 
@@ -413,10 +374,10 @@ def _best_of_alike(
         cause = other[0].cause
         if len(other) > 1 or cause is taken or cause.group != taken.group:
             continue
-        if budget.is_spent:
+        if is_spent():
             break
         try:
-            again = _fitted_with(before, first, other, on_step=on_step)
+            again = _fitted_with(before, first, other)
         except SolverError:
             continue
         again_with_lead = needs_lead(again)
@@ -447,7 +408,6 @@ def _fitted_with(
     choice: Sequence[TestedCause],
     *,
     thorough: bool = False,
-    on_step: Callable[[float], None] | None,
 ) -> Fit:
     """Fit all values together with causes, from where both are."""
     values, vary = dict(found.values), list(found.parameters)
@@ -465,23 +425,15 @@ def _fitted_with(
     kept = replace(misfit.comparison, noise=found.misfit.comparison.noise, scatter=scatter)
     start = replace(
         found,
+        parameters=tuple(vary),
         values=values,
         misfit=replace(misfit, comparison=kept, effects=effects),
         local=replace(found.local, stepped={}),
     )
     if thorough:
         # What half a step of the solver moves is within the noise that causes are judged by.
-        return fit(misfit, vary, values, near=start, refined=False, on_step=on_step)
-    return brief_fit(
-        misfit,
-        vary,
-        values,
-        near=start,
-        share=LEFT_MISSED,
-        passes=1,
-        steps=CAUSE_STEPS,
-        on_step=on_step,
-    )
+        return fit(misfit, vary, values, near=start, refined=False)
+    return brief_fit(misfit, start, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
 
 
 def cause_lines(

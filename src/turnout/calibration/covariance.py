@@ -12,11 +12,10 @@ from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, 
 from turnout.calibration.comparison import Alignment, Key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
-from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.measured_movements import MeasuredMovement, is_of_object
 from turnout.calibration.misfit import shared_estimates
-from turnout.calibration.objects import is_of_object
-from turnout.calibration.parameter import Parameter, prior_information
 from turnout.calibration.shared import GAIN
+from turnout.calibration.stages import Parameter, prior_information
 from turnout.core.value_text import value_text
 
 Floats = NDArray[np.float64]

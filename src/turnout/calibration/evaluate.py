@@ -124,6 +124,8 @@ class Evaluator:
         Numerical choices, and those for throws that may be quick.
     on_throw : callable or None
         Called after each throw.
+    on_step : callable or None
+        Called with the root mean square of the residuals after each step of a fit.
     made, reused : int
         Throws simulated, and taken from the folder.
     work : float
@@ -136,6 +138,7 @@ class Evaluator:
     scheme: Scheme = field(default_factory=Scheme)
     quick: Scheme = field(default_factory=lambda: QUICK)
     on_throw: Callable[[], None] | None = None
+    on_step: Callable[[float], None] | None = None
     made: int = 0
     reused: int = 0
     work: float = 0.0
@@ -192,6 +195,11 @@ class Evaluator:
         while len(self._known) > MOST_IN_MEMORY:
             self._known.popitem(last=False)
         return found
+
+    def step_made(self, rms: float) -> None:
+        """Report a step of a fit, with the root mean square of its residuals."""
+        if self.on_step is not None:
+            self.on_step(rms)
 
     def _made(self, missing: Mapping[str, ThrowInputs]) -> Iterator[tuple[str, Response]]:
         jobs = [(key, throw, self._scheme_of(throw)) for key, throw in missing.items()]

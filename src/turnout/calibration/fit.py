@@ -9,7 +9,7 @@ Effects of each movement of its own, such as its friction, are estimated, and th
 with them until they rest.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot
 
@@ -36,14 +36,14 @@ from turnout.calibration.misfit import (
     remaining,
     slopes_of,
 )
-from turnout.calibration.parameter import (
+from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
+from turnout.calibration.stages import (
     Parameter,
     coordinates,
     prior_residuals,
     prior_slopes,
     values_at,
 )
-from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
 from turnout.core.errors import SolverError
 from turnout.core.running_current import MAD_TO_SIGMA
 from turnout.core.threads import one_blas_thread
@@ -230,7 +230,6 @@ def fit(
     rough: bool = False,
     near: Fit | None = None,
     refined: bool = True,
-    on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit parameters to movements, and the noise and scatter to what is left over.
 
@@ -248,8 +247,6 @@ def fit(
         A rough fit that ended at the values: its movements' own values are gone on with.
     refined : bool
         Whether a fit that is not rough ends with shorter steps of the solver.
-    on_step : callable, optional
-        Called with the root mean square of the residuals after each step.
 
     Returns
     -------
@@ -265,9 +262,7 @@ def fit(
     if rough:
         misfit = replace(misfit, same_slope=SAME_ROUGH_SLOPE)
         inflated = replace(inflate_noise(misfit, parameters, values), effects=effects)
-        found = _least_squares(
-            inflated, parameters, values, rough=True, on_step=on_step, local=local
-        )
+        found = _least_squares(inflated, parameters, values, rough=True, local=local)
         return replace(found, misfit=reestimate_noise(found, misfit))
     iterations = 0
     first, misfit = misfit, replace(misfit, effects=effects)
@@ -275,7 +270,7 @@ def fit(
     if near is not None and known:
         misfit = replace(misfit, comparison=noise_near(near.misfit, misfit.comparison))
         start = replace(near, misfit=misfit.refined(values), values=values, iterations=0)
-        found = smooth_end(start, first, on_step=on_step)
+        found = smooth_end(start, first)
         if found.converged and not is_poor(found.misfit):
             return found
     for number in range(MAX_PASSES):
@@ -290,7 +285,6 @@ def fit(
             parameters,
             values,
             rough=False,
-            on_step=on_step,
             local=local,
         )
         iterations += found.iterations
@@ -301,11 +295,11 @@ def fit(
     found = replace(found, iterations=iterations)
     if not refined or poor:
         return found
-    return smooth_end(found, first, on_step=on_step)
+    return smooth_end(found, first)
 
 
 @one_blas_thread()
-def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | None = None) -> Fit:
+def smooth_end(found: Fit, first: Misfit) -> Fit:
     """Go on with a fit from where it ended, by means over throws on all sides.
 
     Near its end single throws decide nothing: the cost is rough, and steps that would lower it are
@@ -317,8 +311,6 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
         Near its end.
     first : Misfit
         As of `reestimate_noise`.
-    on_step : callable, optional
-        As of `fit`.
 
     Returns
     -------
@@ -355,8 +347,7 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
         found = _ended(
             misfit, found.parameters, (local, frame, r, J), found.iterations + 1, message, near
         )
-        if on_step is not None:
-            on_step(found.rms)
+        misfit.evaluator.step_made(found.rms)
         # Noise that is found again with each step may alternate, and so would the steps.
         again = reestimate_noise(found, first) if number <= SMOOTH_NOISES else misfit
         if near and same_noise(misfit, again):
@@ -368,14 +359,11 @@ def smooth_end(found: Fit, first: Misfit, *, on_step: Callable[[float], None] | 
 @one_blas_thread()
 def brief_fit(
     misfit: Misfit,
-    parameters: Sequence[Parameter],
-    values: Mapping[str, float],
-    *,
     near: Fit,
+    *,
     passes: int = BRIEF_PASSES,
     steps: int = BRIEF_STEPS,
     share: float = 1.0,
-    on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit near to the end only, to see what a model misses: few steps, with slopes from near by.
 
@@ -386,10 +374,8 @@ def brief_fit(
     ----------
     misfit : Misfit
         Movements and how they are compared, with the noise of the measurement.
-    parameters, values : sequence of Parameter, mapping of str to float
-        As of `fit`.
     near : Fit
-        Where it starts, with its noise.
+        Where it starts, with its parameters and noise.
     passes : int
         How often noise and discrepancy are estimated at most.
     steps : int
@@ -397,8 +383,6 @@ def brief_fit(
     share : float
         Of what the start misses that is noise in the first pass [-]: a model that lacks nothing is
         found with little of it, one that lacks something would follow that.
-    on_step : callable, optional
-        As of `fit`.
 
     Returns
     -------
@@ -414,24 +398,22 @@ def brief_fit(
     present = replace(
         misfit, comparison=kept, effects=near.misfit.effects, same_slope=SAME_ROUGH_SLOPE
     )
-    local, iterations = near.local, 0
+    found, iterations = near, 0
     for _ in range(passes):
         found = _least_squares(
-            present, parameters, values, rough=False, brief=steps, on_step=on_step, local=local
+            present, near.parameters, found.values, rough=False, brief=steps, local=found.local
         )
         iterations += found.iterations
-        values, local = found.values, found.local
         before, present = found.misfit, reestimate_noise(found, misfit)
         if same_noise(before, present):
             break
-    frame = framed(local, present)
-    names = [item.name for item in parameters]
+    frame = framed(found.local, present)
     return replace(
         found,
         misfit=present,
         frame=frame,
-        residuals=present.residuals_of(local.simulated, frame),
-        jacobian=jacobian(local, frame, names),
+        residuals=present.residuals_of(found.local.simulated, frame),
+        jacobian=jacobian(found.local, frame, [item.name for item in near.parameters]),
         iterations=iterations,
     )
 
@@ -442,7 +424,6 @@ def _least_squares(
     values: Mapping[str, float],
     *,
     rough: bool,
-    on_step: Callable[[float], None] | None,
     local: Linearisation | None = None,
     brief: int | None = None,
 ) -> Fit:
@@ -460,8 +441,7 @@ def _least_squares(
             fresh = True
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
-        if on_step is not None:
-            on_step(float(np.sqrt(cost / max(r.size, 1))))
+        misfit.evaluator.step_made(float(np.sqrt(cost / max(r.size, 1))))
         accepted, rejected = False, 0
         # Slopes from elsewhere are thrown again before a shorter step is tried.
         most = max_rejected if rough or fresh else 1

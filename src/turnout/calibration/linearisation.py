@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import hadamard
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.objects import is_of_object
-from turnout.calibration.parameter import Parameter, prior_information
+from turnout.calibration.measured_movements import MeasuredMovement, is_of_object
+from turnout.calibration.stages import Parameter, prior_information
 from turnout.core.errors import SolverError
 
 T = TypeVar("T")

@@ -27,10 +27,15 @@ from turnout.calibration.linearisation import (
     stepped_value,
     touches,
 )
-from turnout.calibration.measured_movements import MeasuredMovement, Signal
-from turnout.calibration.objects import acts_on, is_of_object, thrown_object
-from turnout.calibration.parameter import Parameter, overrides_of
+from turnout.calibration.measured_movements import (
+    MeasuredMovement,
+    Signal,
+    acts_on,
+    is_of_object,
+    thrown_object,
+)
 from turnout.calibration.shared import CLOCK, Shared, shared_of
+from turnout.calibration.stages import Parameter, overrides_of
 from turnout.core.errors import SolverError
 
 Floats = NDArray[np.float64]

@@ -16,8 +16,7 @@ from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import Fit
 from turnout.calibration.linearisation import is_slip_level, touches
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe, selected
-from turnout.calibration.parameter import Parameter
-from turnout.calibration.stages import NONE, CalibrationPlan, spread
+from turnout.calibration.stages import NONE, CalibrationPlan, Parameter, spread
 from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign.sheet_checks import (
     UNCHECKABLE,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.parameter import Fitted
+from turnout.calibration.stages import Fitted
 from turnout.core.errors import FileError, PanelError
 from turnout.core.files import write_atomic
 from turnout.core.problems import choices, shortened

@@ -10,14 +10,12 @@ import xarray as xr
 
 from turnout.calibration.covariance import Spread
 from turnout.calibration.fit import Fit
-from turnout.calibration.measured_movements import MeasuredMovement, channel_name
+from turnout.calibration.measured_movements import MeasuredMovement, channel_name, is_of_object
 from turnout.calibration.misfit import remaining
-from turnout.calibration.objects import is_of_object
-from turnout.calibration.parameter import Fitted, Parameter
 from turnout.calibration.result import Calibration, StageLog
 from turnout.calibration.sensors import LEAVES_PRIOR
 from turnout.calibration.shared import model_error, poorly_followed
-from turnout.calibration.stages import CalibrationPlan, Stage
+from turnout.calibration.stages import CalibrationPlan, Fitted, Parameter, Stage
 from turnout.calibration.starts import GridSearch
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import FileError

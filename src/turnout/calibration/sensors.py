@@ -19,10 +19,10 @@ from turnout.calibration.candidate_causes import MODULUS
 from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.covariance import common_gain, model_columns, solver_columns
 from turnout.calibration.fit import Fit
+from turnout.calibration.measured_movements import is_of_object, is_thickness
 from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
-from turnout.calibration.objects import is_of_object, is_thickness
-from turnout.calibration.parameter import Parameter, coordinates, prior_residuals, prior_slopes
 from turnout.calibration.shared import CLOCK, GAIN, ZERO, SensorColumn
+from turnout.calibration.stages import Parameter, coordinates, prior_residuals, prior_slopes
 from turnout.core.value_text import value_text
 
 # What chance does more rarely than this is no chance [-]. A right cause is refused that often.

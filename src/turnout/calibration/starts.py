@@ -1,6 +1,6 @@
 """Starts of a fit: grids as published, near by, or in several places where stages were skipped."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +18,15 @@ from turnout.calibration.causes import (
 from turnout.calibration.comparison import align, predicted
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit, brief_fit, fit, update_movement_effects
-from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
+from turnout.calibration.measured_movements import (
+    BIN,
+    THICKER,
+    MeasuredMovement,
+    Signal,
+    thickness_name,
+)
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.objects import THICKER, thickness_name
-from turnout.calibration.parameter import Parameter, coordinates, values_at
+from turnout.calibration.stages import Parameter, coordinates, values_at
 from turnout.core.errors import SolverError
 
 Floats = NDArray[np.float64]
@@ -233,8 +238,6 @@ def nearest_fit(
     misfit: Misfit,
     parameters: Sequence[Parameter],
     starts: Sequence[Mapping[str, float]],
-    *,
-    on_step: Callable[[float], None] | None = None,
 ) -> Fit:
     """Fit roughly from each start, and return the fit that leaves least.
 
@@ -244,15 +247,14 @@ def nearest_fit(
         As of `fit`.
     starts : sequence of mapping of str to float
         Of all parameters.
-    on_step : callable, optional
-        As of `fit`.
     """
-    found = [fit(misfit, parameters, start, rough=True, on_step=on_step) for start in starts]
+    found = [fit(misfit, parameters, start, rough=True) for start in starts]
     return min(found, key=lambda item: misfit_share(item.misfit, item.local.simulated))
 
 
 def with_thicker(
-    misfit: Misfit, near: Fit, *, on_step: Callable[[float], None] | None = None
+    misfit: Misfit,
+    near: Fit,
 ) -> Fit:
     """Return a rough fit of objects that are thicker or thinner by more, where that leaves less.
 
@@ -265,8 +267,6 @@ def with_thicker(
         Before any fit.
     near : Fit
         Rough, of that misfit.
-    on_step : callable, optional
-        As of `fit`.
     """
     names = [item.name for item in near.parameters]
     if thickness_name() not in names:
@@ -286,7 +286,7 @@ def with_thicker(
     _, values = min(tried, key=lambda item: item[0])
     if values is near.values:
         return near
-    again = fit(misfit, near.parameters, values, rough=True, on_step=on_step)
+    again = fit(misfit, near.parameters, values, rough=True)
     return min((near, again), key=lambda item: misfit_share(item.misfit, item.local.simulated))
 
 
@@ -314,14 +314,7 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
 
 
-def first_fit(
-    start: Misfit,
-    parameters: Sequence[Parameter],
-    near: Fit,
-    found: Fit,
-    *,
-    on_step: Callable[[float], None] | None = None,
-) -> Fit:
+def first_fit(start: Misfit, found: Fit) -> Fit:
     """Fit from where quick throws led, to see what a model misses.
 
     Slopes of quick throws lead there where nothing is missed; else those of plain ones, with little
@@ -331,50 +324,32 @@ def first_fit(
     ----------
     start : Misfit
         With the noise of the measurement.
-    parameters : sequence of Parameter
-        The free ones.
-    near, found : Fit
-        By quick throws, and by plain ones at its values.
-    on_step : callable, optional
-        As of `fit`.
+    found : Fit
+        By plain throws at the values of a fit by quick ones, and with its slopes.
     """
-    first = brief_fit(start, parameters, near.values, near=found, passes=1, on_step=on_step)
+    first = brief_fit(start, found, passes=1)
     before = replace(first, local=replace(first.local, stepped={}))
     for _ in range(FIRST_ROUNDS):
         if not is_worth_a_search(first):
             break
-        again = brief_fit(
-            start,
-            parameters,
-            before.values,
-            near=before,
-            share=LEFT_MISSED,
-            passes=1,
-            steps=CAUSE_STEPS,
-            on_step=on_step,
-        )
+        again = brief_fit(start, before, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
         goes_on = missed_share(again) <= LESS_MISSED * missed_share(first)
         first = before = again
         if not goes_on:
             break
     if not is_worth_a_search(first, share=CLEARLY):
         return first
-    return _gone_to_its_end(start, parameters, found, on_step) or first
+    return _gone_to_its_end(start, found) or first
 
 
-def _gone_to_its_end(
-    start: Misfit,
-    parameters: Sequence[Parameter],
-    found: Fit,
-    on_step: Callable[[float], None] | None,
-) -> Fit | None:
+def _gone_to_its_end(start: Misfit, found: Fit) -> Fit | None:
     """Return a fit to its end if that misses no more than another solver would.
 
     Where values and each movement's friction are off together, brief fits leave that so slowly that
     the model seems to lack something, and causes that are not there would be taken up.
     """
     try:
-        whole = fit(start, parameters, found.values, near=found, refined=False, on_step=on_step)
+        whole = fit(start, found.parameters, found.values, near=found, refined=False)
     except SolverError:
         return None
     return None if is_worth_a_search(whole) else whole

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.comparison import predicted
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throws_done
-from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal, later
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal, as_found, later
 from turnout.calibration.misfit import Refined
-from turnout.calibration.objects import as_found
 from turnout.calibration.result import Calibration
 from turnout.calibration.sensors import chain_key
 from turnout.calibration.shared import CLOCK, GAIN, ZERO

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import xarray as xr
 
-from turnout.calibration.parameter import Fitted
 from turnout.calibration.result import Calibration, StageLog
+from turnout.calibration.stages import Fitted
 from turnout.core.value_text import count_text, shown_unit, value_text
 from turnout.figures.calibration import fit_sheet
 from turnout.figures.draw import draw_sheet
