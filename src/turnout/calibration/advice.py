@@ -13,6 +13,7 @@ from turnout.calibration.covariance import (
     force_channels,
     moves_by,
     plain_gain_column,
+    without_objects,
 )
 from turnout.calibration.fit import Fit
 from turnout.calibration.linearisation import Linearisation
@@ -268,7 +269,7 @@ def panel_lines(
     return lines
 
 
-def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candidate]:
+def next_movements(found: Fit, spread: Spread) -> list[Candidate]:
     """Rank movements that could be measured next by the information that they would add.
 
     Candidates are a movement without an object, and objects of 13 and 26 mm at each drive, at the
@@ -282,15 +283,13 @@ def next_movements(found: Fit, spread: Spread, panel: LoadedPanel) -> list[Candi
         At its end.
     spread : Spread
         What is known.
-    panel : LoadedPanel
-        Where objects can be.
 
     Returns
     -------
     list of Candidate
         The best first.
     """
-    movements = _candidates(found, panel)
+    movements = _candidates(found)
     ranked = []
     names = [item.name for item in found.parameters]
     before = spread.coordinate_covariance
@@ -348,7 +347,8 @@ def covariance_with(found: Fit, spread: Spread, local: Linearisation, frame: Fra
     return np.asarray(np.linalg.inv(whole.T @ whole + prior) + kept)
 
 
-def _candidates(found: Fit, panel: LoadedPanel) -> list[MeasuredMovement]:
+def _candidates(found: Fit) -> list[MeasuredMovement]:
+    panel = found.misfit.evaluator.panel
     places = [f"drive {name}" for name in panel.drive]
     places += [f"sensor {name}" for name in panel.sensor]
     xs = sorted(drive.x for drive in panel.drive.values())
@@ -398,6 +398,20 @@ def _thrown(
         signals.append(replace(bare, values=values))
     whole = replace(misfit, movements=(replace(movement, signals=tuple(signals)),))
     return local, framed(local, whole)
+
+
+def advice_lines(found: Fit, spread: Spread) -> list[str]:
+    """Return lines on errors that parameters would absorb, and on the next movement to measure.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+    spread : Spread
+        Of it.
+    """
+    ranked = next_movements(*without_objects(found, spread))
+    return [*systematic_errors(found), *next_lines(ranked)]
 
 
 def next_lines(candidates: Sequence[Candidate], *, most: int = 3) -> list[str]:

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,28 +10,23 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.advice import (
+    advice_lines,
     check_shares,
-    next_lines,
-    next_movements,
     panel_column,
     panel_lines,
-    systematic_errors,
 )
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import (
     CAUSE_STEPS,
     CLEARLY,
     CauseSearch,
-    cause_lines,
-    ended_reasons,
     first_verdict,
     is_worth_a_search,
-    unexplained_reasons,
     with_causes,
     without_needless,
 )
 from turnout.calibration.comparison import Comparison, Uncertainty, measured_noise
-from turnout.calibration.covariance import Spread, drift_finding, spread_of, without_objects
+from turnout.calibration.covariance import Spread, spread_of
 from turnout.calibration.evaluate import (
     FINE_WORK,
     HALVED_WORK,
@@ -50,7 +44,6 @@ from turnout.calibration.fit import (
 from turnout.calibration.measured_movements import (
     MeasuredMovement,
     common_unknowns,
-    object_lines,
     observe,
     selected,
 )
@@ -63,22 +56,12 @@ from turnout.calibration.requirements import (
 )
 from turnout.calibration.result import Calibration, StageLog
 from turnout.calibration.result_entries import (
-    data_hash,
-    distrust_reasons,
-    excluded_movements,
-    fitted_objects,
-    fitted_parameters,
-    movement_rows,
-    noise_entries,
+    record_of,
     skipped_stage,
     stage_log,
-    warnings_from,
 )
 from turnout.calibration.sensors import (
-    LEAVES_PRIOR,
     common_lead,
-    found_sensors,
-    prior_reasons,
     sensor_reasons,
     stated_gains,
 )
@@ -100,7 +83,6 @@ from turnout.calibration.starts import (
     with_thicker,
 )
 from turnout.core.errors import MeasurementError, PanelError
-from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
 from turnout.core.threads import one_blas_thread
 from turnout.core.workers import Workers
@@ -288,11 +270,9 @@ class ProgressReporter:
 Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].
 LONG_LEAD = 0.08
-# What a record says of the scheme where a fit came to its fine throws.
 CTRL_C = "Ctrl-C"
 GIVEN_BUT = "the panel as stated, but for {}"
 TOO_SHORT = "{:g} s were over before the first fit was done; give more seconds"
-REFINED = "; at its end with half the step and mesh, and modes to four times the frequency"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -419,65 +399,35 @@ def calibrate(
         shares = {} if run.ended else panel_shares or {}
         columns = {key: panel_column(final, key, share) for key, share in shares.items()}
         spread = spread_of(final, of_panel=list(columns.values()))
-        calibration = _record(
-            run, final, search, dataset, spread, warnings=[*oversized, *warnings, *rods]
+        calibration = record_of(
+            final,
+            search,
+            spread,
+            plan=plan,
+            dataset=dataset,
+            movements=movements,
+            ended=run.ended,
+            warnings=[*oversized, *warnings, *rods],
         )
+        findings, about = [*calibration.findings, *panel_lines(final, columns, shares)], {}
         if shares:
             told = ", ".join(f"{key} ± {100 * share:g} %" for key, share in shares.items())
-            calibration = replace(
-                calibration,
-                findings=(*calibration.findings, *panel_lines(final, columns, shares)),
-                about={**calibration.about, "given": GIVEN_BUT.format(told)},
-            )
+            about["given"] = GIVEN_BUT.format(told)
         if advise and not run.ended:
             watch.begin_advice(final, evaluator)
-            lines = _advice(final, without_objects(final, spread), panel)
-            calibration = replace(calibration, findings=(*calibration.findings, *lines))
+            findings += advice_lines(final, spread)
     return CalibrationOutcome(
-        calibration=replace(calibration, stages=tuple(logs)),
+        calibration=replace(
+            calibration,
+            stages=tuple(logs),
+            findings=tuple(findings),
+            about={**calibration.about, **about},
+        ),
         final=final,
         spread=spread,
         sweeps=tuple(sweeps),
         movements=movements,
         ended="".join(run.ended),
-    )
-
-
-def _record(
-    run: "_Run",
-    final: Fit,
-    search: CauseSearch | None,
-    dataset: xr.Dataset,
-    spread: Spread,
-    *,
-    warnings: Sequence[str],
-) -> Calibration:
-    """Return the record of a fit with the spread of all its unknowns, without stages."""
-    sensors = found_sensors(final)
-    objects = fitted_objects(final, spread)
-    fitted = tuple(item.name for item in search.taken) if search else ()
-    order = [str(name) for name in dataset["movement"].values]
-    said = [
-        *excluded_movements(dataset),
-        *warnings,
-        *warnings_from(final, spread),
-        *(item.warning for item in sensors if item.leaves),
-    ]
-    of = (run.plan, run.panel, dataset, run.movements)
-    return replace(
-        _result(*without_objects(final, spread), of=of, scheme=run.evaluator.scheme),
-        distrust=(*ended_reasons(run.ended), *_distrust(final, spread, fitted)),
-        warnings=tuple(dict.fromkeys(said)),
-        findings=(*spread.findings, *drift_finding(final, order)),
-        causes=(
-            *cause_lines(final, search, sensors),
-            *object_lines(objects, leaves=LEAVES_PRIOR),
-        ),
-        objects=objects,
-        fitted_causes=fitted,
-        sensors=tuple(item.text for item in sensors),
-        chain={item.key: (item.value, item.deviation) for item in sensors},
-        effects=movement_rows(final),
     )
 
 
@@ -496,51 +446,6 @@ def _comparison(
         clock=float(dataset.attrs.get("clock_uncertainty", known.clock)),
     )
     return replace(comparison, gains=stated_gains(dataset, comparison))
-
-
-def _advice(final: Fit, values: tuple[Fit, Spread], panel: LoadedPanel) -> list[str]:
-    """Return lines on errors that parameters would absorb, and on the next movement to measure."""
-    return [*systematic_errors(final), *next_lines(next_movements(*values, panel))]
-
-
-def _result(
-    final: Fit,
-    spread: Spread,
-    *,
-    of: tuple[CalibrationPlan, LoadedPanel, xr.Dataset, Sequence[MeasuredMovement]],
-    scheme: Scheme,
-) -> Calibration:
-    """Return the values and their uncertainty, without the history of the stages."""
-    plan, panel, dataset, movements = of
-    return Calibration(
-        parameters=fitted_parameters(plan, final, spread),
-        covariance=spread.covariance,
-        panel=panel.name,
-        panel_hash=panel.hash,
-        data=str(dataset.attrs.get("title", "campaign")),
-        data_hash=data_hash(movements),
-        movements=tuple(item.name for item in final.misfit.movements),
-        stages=(),
-        noise=noise_entries(final),
-        scatter=final.misfit.comparison.scatter,
-        about={
-            **provenance(),
-            "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scheme": scheme.describe() + (REFINED if final.misfit.refinement else ""),
-            "refined": "yes" if final.misfit.refinement else "",
-            "synthetic": str(dataset.attrs.get("synthetic", "")),
-            "channel_map_hash": str(dataset.attrs.get("channel_map_hash", "")),
-        },
-    )
-
-
-def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, ...]:
-    """Return the reasons not to trust values, each once."""
-    found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
-    found += prior_reasons(final, causes)
-    named = [text.split(":")[0] for text in found]
-    found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
-    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

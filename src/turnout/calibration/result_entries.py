@@ -3,23 +3,40 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from turnout.calibration.covariance import Spread
+from turnout.calibration.causes import (
+    CauseSearch,
+    cause_lines,
+    ended_reasons,
+    unexplained_reasons,
+)
+from turnout.calibration.covariance import Spread, drift_finding, without_objects
 from turnout.calibration.fit import Fit
-from turnout.calibration.measured_movements import MeasuredMovement, channel_name, is_of_object
+from turnout.calibration.measured_movements import (
+    MeasuredMovement,
+    channel_name,
+    is_of_object,
+    object_lines,
+)
 from turnout.calibration.misfit import remaining
 from turnout.calibration.result import Calibration, StageLog
-from turnout.calibration.sensors import LEAVES_PRIOR
+from turnout.calibration.sensors import (
+    LEAVES_PRIOR,
+    found_sensors,
+    prior_reasons,
+    sensor_reasons,
+)
 from turnout.calibration.shared import model_error, poorly_followed
 from turnout.calibration.stages import CalibrationPlan, Fitted, Parameter, Stage
 from turnout.calibration.starts import GridSearch
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import FileError
-from turnout.core.provenance import content_hash
+from turnout.core.provenance import content_hash, provenance
 from turnout.core.value_text import value_text
 from turnout.throw.store import open_response, save_response
 
@@ -27,7 +44,96 @@ from turnout.throw.store import open_response, save_response
 LARGE_MISFIT = 1.5
 
 
-def data_hash(movements: Sequence[MeasuredMovement]) -> str:
+# What a record says of the scheme where a fit came to its fine throws.
+REFINED = "; at its end with half the step and mesh, and modes to four times the frequency"
+
+
+def record_of(
+    final: Fit,
+    search: CauseSearch | None,
+    spread: Spread,
+    *,
+    plan: CalibrationPlan,
+    dataset: xr.Dataset,
+    movements: Sequence[MeasuredMovement],
+    ended: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+) -> Calibration:
+    """Return the record of a fit with the spread of all its unknowns, without stages.
+
+    Parameters
+    ----------
+    final : Fit
+        Of the last stage.
+    search : CauseSearch, optional
+        With the causes that it was fitted with.
+    spread : Spread
+        Of the fit.
+    plan : CalibrationPlan
+        Its parameters are in the record, fitted or not.
+    dataset : xarray.Dataset
+        The campaign.
+    movements : sequence of MeasuredMovement
+        All that were measured.
+    ended : sequence of str
+        What ended it after the first fit.
+    warnings : sequence of str
+        Of what came before.
+    """
+    sensors, objects = found_sensors(final), _fitted_objects(final, spread)
+    fitted = tuple(item.name for item in search.taken) if search else ()
+    evaluator, refined = final.misfit.evaluator, bool(final.misfit.refinement)
+    said = [
+        *excluded_movements(dataset),
+        *warnings,
+        *warnings_from(final, spread),
+        *(item.warning for item in sensors if item.leaves),
+    ]
+    order = [str(name) for name in dataset["movement"].values]
+    return Calibration(
+        parameters=_fitted_parameters(plan, final, spread),
+        covariance=without_objects(final, spread)[1].covariance,
+        panel=evaluator.panel.name,
+        panel_hash=evaluator.panel.hash,
+        data=str(dataset.attrs.get("title", "campaign")),
+        data_hash=_data_hash(movements),
+        movements=tuple(item.name for item in final.misfit.movements),
+        stages=(),
+        warnings=tuple(dict.fromkeys(said)),
+        findings=(*spread.findings, *drift_finding(final, order)),
+        distrust=(*ended_reasons(ended), *_distrust(final, spread, fitted)),
+        noise=_noise_entries(final),
+        scatter=final.misfit.comparison.scatter,
+        about={
+            **provenance(),
+            "written": datetime.now(UTC).isoformat(timespec="seconds"),
+            "scheme": evaluator.scheme.describe() + (REFINED if refined else ""),
+            "refined": "yes" if refined else "",
+            "synthetic": str(dataset.attrs.get("synthetic", "")),
+            "channel_map_hash": str(dataset.attrs.get("channel_map_hash", "")),
+        },
+        causes=(
+            *cause_lines(final, search, sensors),
+            *object_lines(objects, leaves=LEAVES_PRIOR),
+        ),
+        fitted_causes=fitted,
+        sensors=tuple(item.text for item in sensors),
+        chain={item.key: (item.value, item.deviation) for item in sensors},
+        effects=movement_rows(final),
+        objects=objects,
+    )
+
+
+def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, ...]:
+    """Return the reasons not to trust values, each once."""
+    found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
+    found += prior_reasons(final, causes)
+    named = [text.split(":")[0] for text in found]
+    found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
+    return tuple(found)
+
+
+def _data_hash(movements: Sequence[MeasuredMovement]) -> str:
     """Return the content hash of what was measured and compared."""
     return content_hash(
         [
@@ -163,7 +269,7 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
     return found
 
 
-def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+def _fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tuple[Fitted, ...]:
     """Return every parameter of the plan as it came out of the last stage, and sizes of causes."""
     planned = {item.name for item in plan.parameters}
     causes = [item for item in final.parameters if item.name not in planned]
@@ -174,7 +280,7 @@ def fitted_parameters(plan: CalibrationPlan, final: Fit, spread: Spread) -> tupl
     )
 
 
-def fitted_objects(final: Fit, spread: Spread) -> tuple[Fitted, ...]:
+def _fitted_objects(final: Fit, spread: Spread) -> tuple[Fitted, ...]:
     """Return what came out of thickness and place of the objects."""
     return tuple(_fitted(item, final, spread) for item in final.parameters if is_of_object(item))
 
@@ -200,7 +306,7 @@ def _fitted(item: Parameter, final: Fit, spread: Spread) -> Fitted:
     )
 
 
-def noise_entries(final: Fit) -> dict[str, dict[str, float]]:
+def _noise_entries(final: Fit) -> dict[str, dict[str, float]]:
     """Return the noise at the end of a fit, by channel name [N], [s]."""
     return {
         channel_name(channel, drive): asdict(noise)
