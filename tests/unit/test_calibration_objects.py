@@ -8,7 +8,6 @@ from tests.unit.test_calibration_fit import movement
 
 from turnout.calibration.measured_movements import (
     acts_on,
-    as_found,
     common_unknowns,
     object_lines,
     own_places,
@@ -38,8 +37,6 @@ def test_an_object_is_thrown_as_thick_and_where_it_truly_is() -> None:
     assert thrown_object(FREE, values) == ("none", 0.0)
     # As it was stated, throws are those of the place by its name.
     assert thrown_object(TRAPPED, {}) == ("sleeper 7", 0.013)
-    (again,) = as_found([TRAPPED], [found(name, value) for name, value in values.items()])
-    assert (again.place, again.size) == (place, size)
 
 
 def test_only_movements_with_an_object_depend_on_it() -> None:

@@ -17,7 +17,7 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.validation.acceptance import judge
 from turnout.calibration.validation.seen_throws import Seen
-from turnout.calibration.validation.validate import with_bends
+from turnout.calibration.validation.validate import Model, with_bends
 
 NAME = "chair.friction_coefficient"
 VALUE = CALIBRATION.parameters[0].value
@@ -41,6 +41,7 @@ class Thrown:
     forces_before: NDArray[np.float64]
     movements: tuple[MeasuredMovement, ...]
     fails_above: float = np.inf
+    thrown = SimpleNamespace(evaluator=None)
 
     def of(self, numbers: NDArray[np.intp]) -> "Thrown":
         return replace(
@@ -49,10 +50,7 @@ class Thrown:
             movements=tuple(self.movements[n] for n in numbers),
         )
 
-    def thrown(
-        self, settings: Sequence[Mapping[str, float]], *, stage: str
-    ) -> tuple[list[list[Response]], "Thrown"]:
-        assert stage == "checking what would be noticed"
+    def responses(self, settings: Sequence[Mapping[str, float]]) -> list[list[Response]]:
         rows = []
         for setting in settings:
             share = setting[NAME] / VALUE - 1.0
@@ -60,7 +58,7 @@ class Thrown:
             if setting[NAME] > self.fails_above:
                 row[-1] = response(failure=STOPPED)
             rows.append(row)
-        return rows, self
+        return rows
 
     def forces(self, row: Sequence[Response]) -> NDArray[np.float64]:
         shares = np.array([np.nan if item.failure else item.contact_time for item in row])
@@ -83,14 +81,16 @@ def bent(*, fails_above: float = np.inf, aside: str = "", known: bool = True) ->
         movements=cast("tuple[MeasuredMovement, ...]", movements),
         fails_above=fails_above,
     )
-    return with_bends(
-        made.assign(change=change.assign_coords(unit=("parameter", ["1"]))),
-        CALIBRATION,
+    model = Model(
         forces=forces,
+        later=forces,
         slopes={NAME: np.full(forces.shape, 1e3 / VALUE)},
         asides={NAME: [response() for _ in range(5)] + [response(failure=aside)]},
+        contacts=np.zeros(6),
         seen=cast("Seen", thrown),
     )
+    changed = made.assign(change=change.assign_coords(unit=("parameter", ["1"])))
+    return with_bends(changed, CALIBRATION, model)
 
 
 def test_bends_are_what_throws_change_beyond_slopes() -> None:

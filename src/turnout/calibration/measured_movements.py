@@ -483,15 +483,6 @@ def thrown_object(movement: MeasuredMovement, values: Mapping[str, float]) -> tu
     return place, movement.size + thicker
 
 
-def as_found(
-    movements: Sequence[MeasuredMovement], objects: Sequence[Fitted]
-) -> tuple[MeasuredMovement, ...]:
-    """Return movements with the objects that they truly had, as a calibration found them."""
-    values = {item.name: item.value for item in objects}
-    pairs = [(item, *thrown_object(item, values)) for item in movements]
-    return tuple(replace(item, place=place, size=size) for item, place, size in pairs)
-
-
 def object_lines(objects: Sequence[Fitted], *, leaves: float) -> list[str]:
     """Say which objects are not as the run sheet states them.
 

@@ -164,14 +164,14 @@ class Misfit:
             for row, values in zip(rows, whole, strict=True)
         ]
 
-    def refined(self, values: Mapping[str, float]) -> "Misfit":
-        """Return this with what finer throws change at values."""
+    def refined(self, values: Mapping[str, float], *, halved: bool = True) -> "Misfit":
+        """Return this with what finer throws change at values, half the step alone if wanted."""
         like = replace(self._repeated_alike(), quick=False)
         throws = [like._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
         made = self.evaluator.responses(
             [
                 replace(item, halved=kind == "halved", fine=kind == "fine")
-                for kind in ("plain", "halved", "fine")
+                for kind in ("plain", "halved" if halved else "plain", "fine")
                 for item in throws
             ]
         )

@@ -7,19 +7,19 @@ rather too early in all movements alike. The part of a movement before it touche
 better.
 """
 
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
-from turnout.calibration.comparison import predicted
-from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throws_done
-from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal, as_found, later
-from turnout.calibration.misfit import Refined
+from turnout.calibration.comparison import Comparison, predicted
+from turnout.calibration.evaluate import Evaluator, Response, throws_done
+from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal, later
+from turnout.calibration.misfit import Misfit
 from turnout.calibration.result import Calibration
 from turnout.calibration.sensors import chain_key
 from turnout.calibration.shared import CLOCK, GAIN, ZERO
@@ -122,14 +122,8 @@ def found_chain(dataset: xr.Dataset, calibration: Calibration) -> Mapping[str, t
     calibration : Calibration
         With value and deviation of each gain, zero and of the clock.
     """
-    return calibration.chain if is_of_chain(dataset, calibration) else {}
-
-
-def is_of_chain(dataset: xr.Dataset, calibration: Calibration) -> bool:
-    """Return whether a campaign was measured through the chain that was calibrated to."""
-    return str(dataset.attrs.get("channel_map_hash", "")) == calibration.about.get(
-        "channel_map_hash", ""
-    )
+    own = str(dataset.attrs.get("channel_map_hash", ""))
+    return calibration.chain if own == calibration.about.get("channel_map_hash", "") else {}
 
 
 def through_chain(
@@ -150,18 +144,8 @@ def through_chain(
     chain : mapping of str to (float, float)
         From `found_chain`.
     """
-    gain, zero = _of_channels(grid, chain, GAIN)[0], _of_channels(grid, chain, ZERO)[0]
-    clock = chain.get(CLOCK, (0.0, 0.0))[0]
+    gain, clock, zero = _of_chain(grid, chain, 0)
     return np.asarray((1.0 + gain) * forces + clock * grid.time * later + zero)
-
-
-def chain_variance(
-    forces: Floats, later: Floats, grid: Grid, chain: Mapping[str, tuple[float, float]]
-) -> Floats:
-    """Return the variance of forces by what is not known of the chain [N^2]; as `through_chain`."""
-    gain, zero = _of_channels(grid, chain, GAIN)[1], _of_channels(grid, chain, ZERO)[1]
-    clock = chain.get(CLOCK, (0.0, 0.0))[1]
-    return np.asarray((gain * forces) ** 2 + (clock * grid.time * later) ** 2 + zero**2)
 
 
 def chain_directions(
@@ -172,24 +156,32 @@ def chain_directions(
     Shape (3, n_channels, n_movements, n_times). Each channel has gain and zero of its own, so that
     sums over channels of these mean nothing.
     """
-    gain, zero = _of_channels(grid, chain, GAIN)[1], _of_channels(grid, chain, ZERO)[1]
-    clock = chain.get(CLOCK, (0.0, 0.0))[1]
+    gain, clock, zero = _of_chain(grid, chain, 1)
     zeros = np.broadcast_to(zero, forces.shape)
     return np.stack([gain * forces, clock * grid.time * later, zeros])
 
 
-def _of_channels(
-    grid: Grid, chain: Mapping[str, tuple[float, float]], kind: str
-) -> tuple[Floats, Floats]:
-    """Return values and deviations of one kind, shape (n_channels, 1, 1); zero where none is."""
-    keys = [
-        chain_key(kind, "object_force", "")
-        if name == OBJECT
-        else chain_key(kind, "drive_force", name.removeprefix(DRIVE))
-        for name in grid.channels
-    ]
-    pairs = np.array([chain.get(key, (0.0, 0.0)) for key in keys], dtype=np.float64)
-    return pairs[:, 0].reshape(-1, 1, 1), pairs[:, 1].reshape(-1, 1, 1)
+def _of_chain(
+    grid: Grid, chain: Mapping[str, tuple[float, float]], which: int
+) -> tuple[Floats, float, Floats]:
+    """Return gains, clock and zeros, those of channels of shape (n_channels, 1, 1); 0 for none.
+
+    `which` is 0 for values and 1 for deviations.
+    """
+    gains, zeros = (
+        [
+            chain.get(
+                chain_key(kind, "object_force", "")
+                if name == OBJECT
+                else chain_key(kind, "drive_force", name.removeprefix(DRIVE)),
+                (0.0, 0.0),
+            )[which]
+            for name in grid.channels
+        ]
+        for kind in (GAIN, ZERO)
+    )
+    clock = chain.get(CLOCK, (0.0, 0.0))[which]
+    return np.reshape(gains, (-1, 1, 1)), clock, np.reshape(zeros, (-1, 1, 1))
 
 
 # As far as a marked onset may be off, and how finely this is searched at first [s].
@@ -308,108 +300,99 @@ Report = Callable[[str, int, int], None]
 PREDICTING, CHECKING = "predicting", "checking what would be noticed"
 
 
+def thrown_as_fitted(
+    movements: Sequence[MeasuredMovement], calibration: Calibration, evaluator: Evaluator
+) -> Misfit:
+    """Return movements as a calibration throws them: with its causes, and objects as found.
+
+    Parameters
+    ----------
+    movements : sequence of MeasuredMovement
+        Of a campaign.
+    calibration : Calibration
+        Values, causes and objects; where it was fitted with fine throws, what these change is part
+        of each response.
+    evaluator : Evaluator
+        Open; throws the panel as it was before the calibration.
+    """
+    parameters = calibration.parameters
+    causes = fitted_causes(evaluator.panel, parameters)
+    found = Misfit(
+        evaluator=evaluator,
+        parameters=(),
+        base={**calibration.values, **{item.name: item.value for item in calibration.objects}},
+        movements=tuple(movements),
+        comparison=Comparison(noise={}),
+        law=partial(overrides_with, causes, parameters),
+        shape=partial(shaped, causes),
+    )
+    return found.refined({}, halved=False) if calibration.about.get("refined") else found
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Seen:
     """Throws of movements, seen as they were measured.
 
     Attributes
     ----------
-    movements : tuple of MeasuredMovement
-        Of a campaign.
+    thrown : Misfit
+        From `thrown_as_fitted`.
     grid : Grid
         On which forces are compared.
-    calibration : Calibration
-        With the causes that change forces.
-    evaluator : Evaluator
-        Open; throws the panel as it was before the calibration.
     chain : mapping of str to (float, float)
         Gains, zeros and clock as they were found: a sound prediction would differ by them.
-    finer : tuple of Refined
-        What fine throws change of each movement; empty until thrown, or where none are.
     shifts : ndarray, shape (n_movements,)
         How much later than marked each movement began [s].
-    report : callable or None
-        Called after each throw with the stage, and the throws done and in all of that stage.
     """
 
-    movements: tuple[MeasuredMovement, ...]
+    thrown: Misfit
     grid: Grid
-    calibration: Calibration
-    evaluator: Evaluator
     chain: Mapping[str, tuple[float, float]]
-    finer: tuple[Refined, ...] = ()
     shifts: Floats = field(default_factory=lambda: np.zeros(0))
-    report: Report | None = None
+
+    @property
+    def movements(self) -> tuple[MeasuredMovement, ...]:
+        """Those that are thrown."""
+        return self.thrown.movements
 
     def of(self, numbers: NDArray[np.intp]) -> "Seen":
         """Return the same for some of the movements."""
-        return replace(
-            self,
-            movements=tuple(self.movements[n] for n in numbers),
-            finer=tuple(self.finer[n] for n in numbers) if self.finer else (),
-            shifts=self.shifts[numbers],
-        )
+        return replace(self, thrown=self.thrown.of(numbers.tolist()), shifts=self.shifts[numbers])
 
-    def thrown(
-        self, settings: Sequence[Mapping[str, float]], *, stage: str
-    ) -> tuple[list[list[Response]], "Seen"]:
-        """Return the responses at each setting, and this with what fine throws change of them.
-
-        Fine throws are made once, at the first setting.
-
-        Parameters
-        ----------
-        settings : sequence of mapping of str to float
-            Values of all parameters, in SI.
-        stage : str
-            What these throws are for, as it is reported.
-        """
-        parameters = self.calibration.parameters
-        causes = fitted_causes(self.evaluator.panel, parameters)
-        objects = as_found(self.movements, self.calibration.objects)
-        throws = [
-            ThrowInputs(
-                overrides=overrides_with(causes, parameters, setting),
-                place=item.place,
-                size=item.size,
-            )
-            for setting in settings
-            for item in objects
-        ]
-        count, finer = len(self.movements), self.finer
-        refined = bool(self.calibration.about.get("refined"))
-        self._announce(stage, len(settings) + (refined and not finer))
-        made = self.evaluator.responses(throws)
-        if refined:
-            if not finer:
-                # Values that were fitted with fine throws are of these.
-                fine = [replace(item, fine=True) for item in throws[:count]]
-                finer = tuple(
-                    Refined(plain=a, halved=a, fine=b)
-                    for a, b in zip(made, self.evaluator.responses(fine), strict=False)
-                )
-            made = [finer[number % count].added(item) for number, item in enumerate(made)]
-        rest = iter(made)
-        responses = [
-            [
-                with_rest(shaped(causes, response, setting))
-                for response in itertools.islice(rest, count)
-            ]
-            for setting in settings
-        ]
-        return responses, replace(self, finer=finer)
-
-    def _announce(self, stage: str, times: int) -> None:
-        """Report each throw from now on, as one of those that throw all objects so many times."""
-        report, evaluator = self.report, self.evaluator
-        if report is None:
-            return
-        # Repeats are thrown once.
-        total = times * len({(item.place, item.size) for item in self.movements})
-        begun = throws_done(evaluator)
-        evaluator.on_throw = lambda: report(stage, throws_done(evaluator) - begun, total)
+    def responses(self, settings: Sequence[Mapping[str, float]]) -> list[list[Response]]:
+        """Return the response to each movement at each of several values by name, in SI."""
+        return [[with_rest(item) for item in row] for row in self.thrown.responses(settings)]
 
     def forces(self, responses: Sequence[Response]) -> Floats:
         """Return forces through the chain, shape (n_channels, n_movements, n_times) [N]."""
         row = self.grid.predicted(self.movements, responses, shifts=self.shifts)
         return through_chain(row, later(row), self.grid, self.chain)
+
+
+def announce(
+    report: Report | None,
+    stage: str,
+    times: int,
+    *,
+    movements: Sequence[MeasuredMovement],
+    evaluator: Evaluator,
+) -> None:
+    """Report each throw from now on, as one of those that throw all objects so many times.
+
+    Parameters
+    ----------
+    report : callable or None
+        Called after each throw with the stage, and the throws done and in all of that stage.
+    stage : str
+        What the throws are for.
+    times : int
+        How often movements are thrown; repeats are thrown once.
+    movements : sequence of MeasuredMovement
+        Those that are.
+    evaluator : Evaluator
+        That throws them.
+    """
+    if report is not None:
+        total = times * len({(item.place, item.size) for item in movements})
+        begun = throws_done(evaluator)
+        evaluator.on_throw = lambda: report(stage, throws_done(evaluator) - begun, total)

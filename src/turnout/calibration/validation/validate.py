@@ -35,10 +35,11 @@ from turnout.calibration.validation.seen_throws import (
     Grid,
     Report,
     Seen,
+    announce,
     chain_directions,
-    chain_variance,
     found_chain,
     onset_shifts,
+    thrown_as_fitted,
 )
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import MeasurementError
@@ -59,14 +60,39 @@ Floats = NDArray[np.float64]
 SIDES = ("up", "down")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Model:
+    """Prediction of all movements at the calibrated values.
+
+    Attributes
+    ----------
+    forces, later : ndarray, shape (n_channels, n_movements, n_times)
+        Through the chain as it was found [N], and their change with a later onset [N/s].
+    slopes : mapping of str to ndarray, shape as forces
+        By parameter [N over its unit].
+    asides : mapping of str to sequence of Response
+        By parameter the throws of all movements that slopes are from.
+    contacts : ndarray, shape (n_movements,)
+        First touches of objects from the onset [s].
+    seen : Seen
+        Throws all movements.
+    """
+
+    forces: Floats
+    later: Floats
+    slopes: Mapping[str, Floats]
+    asides: Mapping[str, Sequence[Response]]
+    contacts: Floats
+    seen: Seen
+
+    @property
+    def of_chain(self) -> Floats:
+        """What one deviation of gains, clock and zeros makes of forces, as `chain_directions`."""
+        return chain_directions(self.forces, self.later, self.seen.grid, self.seen.chain)
+
+
 def with_bends(
-    found: xr.Dataset,
-    calibration: Calibration,
-    *,
-    forces: Floats,
-    slopes: Mapping[str, Floats],
-    asides: Mapping[str, Sequence[Response]],
-    seen: Seen,
+    found: xr.Dataset, calibration: Calibration, model: Model, *, report: Report | None = None
 ) -> xr.Dataset:
     """Throw each value to either side where first order says that the verdict notices it.
 
@@ -76,14 +102,10 @@ def with_bends(
         As of `validate`, without `bend`.
     calibration : Calibration
         With the values.
-    forces : ndarray, shape (n_channels, n_movements, n_times)
-        As predicted [N]; NaN where a throw failed.
-    slopes : mapping of str to ndarray, shape as forces
-        By parameter [N over its unit].
-    asides : mapping of str to sequence of Response
-        By parameter the throws of all movements that slopes are from.
-    seen : Seen
-        Throws all movements.
+    model : Model
+        Forces, their slopes, and what throws all movements.
+    report : callable, optional
+        As of `announce`.
 
     Returns
     -------
@@ -95,12 +117,12 @@ def with_bends(
     bends = xr.concat([xr.zeros_like(found["change"])] * len(SIDES), "side")
     bends = bends.assign_coords(side=list(SIDES))
     chosen = judged_movements(found["used"].values, found["left_out"].values)
-    part, plain = seen.of(chosen), forces[:, chosen]
+    part, plain = model.seen.of(chosen), model.forces[:, chosen]
     movements = part.movements
     unchecked = {
         name: reason
         for name in found["parameter"].values.tolist()
-        if (reason := _failure(movements, [asides[name][n] for n in chosen], plain))
+        if (reason := _failure(movements, [model.asides[name][n] for n in chosen], plain))
     }
     fitted = {item.name: item for item in calibration.fitted}
     steps = [
@@ -112,13 +134,15 @@ def with_bends(
     settings = [
         {**calibration.values, name: fitted[name].value + step} for name, _, _, step in steps
     ]
-    thrown = part.thrown(settings, stage=CHECKING)[0]
+    evaluator = part.thrown.evaluator
+    announce(report, CHECKING, len(settings), movements=movements, evaluator=evaluator)
+    thrown = part.responses(settings)
     for (name, side, amount, step), row in zip(steps, thrown, strict=True):
         reason = _failure(movements, row, plain)
         if reason:
             unchecked.setdefault(name, reason)
             continue
-        linear = plain + step * slopes[name][:, chosen]
+        linear = plain + step * model.slopes[name][:, chosen]
         place = {"parameter": name, "side": side, "movement": found["movement"].values[chosen]}
         bends.loc[place] = (part.forces(row) - linear) / amount**2
     return found.assign(bend=bends).assign_attrs(unchecked=json.dumps(unchecked))
@@ -142,22 +166,6 @@ FRICTION, LEVEL = ("friction_coefficient", 0.02), ("saturation_force", 0.01)
 # Standard uncertainty of an onset, from motor currents or from the free part [s].
 ONSET = 0.005
 SHEET = ("direction", "size", "place", "repeat", "slipped")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Model:
-    """Forces of the model, their slope with parameters and onset, first touches [s].
-
-    Slopes come from the throws `asides`, forces at other values from `seen`.
-    """
-
-    forces: Floats
-    slopes: Mapping[str, Floats]
-    asides: Mapping[str, Sequence[Response]]
-    later: Floats
-    shifts: Floats
-    contacts: Floats
-    seen: Seen
 
 
 @one_blas_thread()
@@ -222,15 +230,13 @@ def validate(
     used = np.isin(sheet["movement"].values, _used(calibration))
     left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
     forecast = measured.copy(data=left.forces)
-    of_chain = chain_variance(model.forces, model.later, grid, chain)
-    reach = QUANTILE * np.sqrt(scatter.variance + left.variance + of_chain)
+    reach = QUANTILE * np.sqrt(scatter.variance + left.variance + (model.of_chain**2).sum(axis=0))
     low, high = forecast - reach, forecast + reach
     parts = _band_parts(
-        (model, chain, calibration),
+        (model, calibration),
         (scatter, directions),
         left,
         reach=np.where(np.isfinite(measured.values), reach, np.nan),
-        grid=grid,
         judged=judged_movements(used, left.predicted),
     )
     found = xr.Dataset(
@@ -246,7 +252,7 @@ def validate(
             "repeat_spread": _spread(measured, groups, scatter),
             "used": ("movement", used),
             "left_out": ("movement", left.predicted),
-            "onset_shift": ("movement", model.shifts, {"units": "s"}),
+            "onset_shift": ("movement", model.seen.shifts, {"units": "s"}),
             **_least_covers(parts),
             "touched": ("movement", model.contacts, {"units": "s"}),
             "change": _changes(model, measured, calibration),
@@ -260,14 +266,7 @@ def validate(
             "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
-    return with_bends(
-        found,
-        calibration,
-        forces=model.forces,
-        slopes=model.slopes,
-        asides=model.asides,
-        seen=model.seen,
-    )
+    return with_bends(found, calibration, model, report=report)
 
 
 def _origin(dataset: xr.Dataset, panel: LoadedPanel, calibration: Calibration) -> dict[str, object]:
@@ -289,7 +288,7 @@ def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
     return {"cover_limit": ("channel", limit), "cover_samples": ("channel", samples)}
 
 
-def _changes(model: _Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
+def _changes(model: Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
     """Return how much forces change with each parameter: for all of it [N], a length [N/m]."""
     # The size of a cause is no value of the panel that anyone could have got wrong.
     fitted = [item for item in calibration.fitted if item.keys]
@@ -305,18 +304,17 @@ def _changes(model: _Model, measured: xr.DataArray, calibration: Calibration) ->
 
 
 def _band_parts(
-    found: tuple[_Model, Mapping[str, tuple[float, float]], Calibration],
+    found: tuple[Model, Calibration],
     scattered: tuple[ThrowScatter, Sequence[Direction]],
     left: LeftOut,
     *,
     reach: Floats,
-    grid: Grid,
     judged: NDArray[np.intp],
 ) -> BandParts:
     """Return what the bands of the movements that are judged are made of."""
-    model, chain, calibration = found
+    model, calibration = found
     scatter, directions = scattered
-    common = chain_directions(model.forces, model.later, grid, chain)
+    common = model.of_chain
     if model.slopes:
         stacked = np.stack(list(model.slopes.values()))
         values, vectors = np.linalg.eigh(calibration.covariance)
@@ -349,7 +347,7 @@ def _model(
     evaluator: Evaluator,
     chain: Mapping[str, tuple[float, float]],
     report: Report | None,
-) -> _Model:
+) -> Model:
     """Simulate all movements at the calibrated values and one step away for each parameter.
 
     Through the chain as it was found: a sound prediction would differ by the gains of the gauges.
@@ -360,15 +358,12 @@ def _model(
         aside = stepped_value(_parameter(item), item.value)
         steps[item.name] = aside - item.value
         settings.append({**calibration.values, item.name: aside})
-    seen = Seen(
-        movements=tuple(movements),
-        grid=grid,
-        calibration=calibration,
-        evaluator=evaluator,
-        chain=chain,
-        report=report,
-    )
-    thrown, seen = seen.thrown(settings, stage=PREDICTING)
+    refined = bool(calibration.about.get("refined"))
+    times = len(settings) + refined
+    announce(report, PREDICTING, times, movements=movements, evaluator=evaluator)
+    model = thrown_as_fitted(movements, calibration, evaluator)
+    seen = Seen(thrown=model, grid=grid, chain=chain)
+    thrown = seen.responses(settings)
     responses = thrown[0]
     failed = [
         f"{item.text}: cannot be simulated: {response.failure}"
@@ -392,12 +387,11 @@ def _model(
             for item, response, shift in zip(movements, responses, shifts, strict=True)
         ]
     )
-    return _Model(
+    return Model(
         forces=sets[0],
         slopes=slopes,
         asides=dict(zip(steps, thrown[1:], strict=True)),
         later=later(sets[0]),
-        shifts=shifts,
         contacts=contacts,
         seen=seen,
     )
@@ -415,7 +409,7 @@ def _parameter(item: Fitted) -> Parameter:
     )
 
 
-def _directions(model: _Model, calibration: Calibration) -> list[Direction]:
+def _directions(model: Model, calibration: Calibration) -> list[Direction]:
     found = []
     for item in calibration.fitted:
         for ending, share in (FRICTION, LEVEL):
@@ -427,7 +421,7 @@ def _directions(model: _Model, calibration: Calibration) -> list[Direction]:
     return found
 
 
-def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
+def _of_parameters(model: Model, calibration: Calibration) -> Floats:
     """Return the variance from the uncertainty of the fitted parameters [N^2]."""
     if not model.slopes:
         return np.zeros_like(model.forces)
@@ -437,7 +431,7 @@ def _of_parameters(model: _Model, calibration: Calibration) -> Floats:
 
 
 def _left_out(
-    model: _Model,
+    model: Model,
     measured: Floats,
     calibration: Calibration,
     movements: Sequence[MeasuredMovement],
