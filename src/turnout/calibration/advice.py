@@ -252,6 +252,12 @@ def check_shares(
         raise PanelError(problems, source="panel uncertainty")
 
 
+def given_but(shares: Mapping[str, float]) -> dict[str, str]:
+    """Return the entry of a record on uncertainties of the panel that intervals hold, if any."""
+    told = ", ".join(f"{key} ± {100 * share:g} %" for key, share in shares.items())
+    return {"given": f"the panel as stated, but for {told}"} if told else {}
+
+
 def panel_lines(
     found: Fit, columns: Mapping[str, Floats], shares: Mapping[str, float]
 ) -> list[str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from turnout.calibration.advice import (
     advice_lines,
     check_shares,
+    given_but,
     panel_column,
     panel_lines,
 )
@@ -271,7 +272,6 @@ Floats = NDArray[np.float64]
 # A lead of the motors that is seen before any cause is looked for [s].
 LONG_LEAD = 0.08
 CTRL_C = "Ctrl-C"
-GIVEN_BUT = "the panel as stated, but for {}"
 TOO_SHORT = "{:g} s were over before the first fit was done; give more seconds"
 
 
@@ -373,12 +373,14 @@ def calibrate(
     )
     check_campaign(movements, plan, panel, source=str(dataset.attrs.get("title", "campaign")))
     comparison = _comparison(dataset, movements, plan, uncertainty or Uncertainty())
-    planned = planned_work(plan, movements, panel, advise=advise)
-    per_step = work_per_step(plan, movements, panel)
-    plan = with_unknowns(plan, common_unknowns(movements))
     watch = ProgressReporter(
-        report, len(plan.stages), planned=planned, per_step=per_step, limit=limit
+        report,
+        len(plan.stages),
+        planned=planned_work(plan, movements, panel, advise=advise),
+        per_step=work_per_step(plan, movements, panel),
+        limit=limit,
     )
+    plan = with_unknowns(plan, common_unknowns(movements))
     # Matrices are small: threads would cost four times what the fits themselves take.
     with (
         one_blas_thread(),
@@ -409,10 +411,7 @@ def calibrate(
             ended=run.ended,
             warnings=[*oversized, *warnings, *rods],
         )
-        findings, about = [*calibration.findings, *panel_lines(final, columns, shares)], {}
-        if shares:
-            told = ", ".join(f"{key} ± {100 * share:g} %" for key, share in shares.items())
-            about["given"] = GIVEN_BUT.format(told)
+        findings = [*calibration.findings, *panel_lines(final, columns, shares)]
         if advise and not run.ended:
             watch.begin_advice(final, evaluator)
             findings += advice_lines(final, spread)
@@ -421,7 +420,7 @@ def calibrate(
             calibration,
             stages=tuple(logs),
             findings=tuple(findings),
-            about={**calibration.about, **about},
+            about={**calibration.about, **given_but(shares)},
         ),
         final=final,
         spread=spread,
