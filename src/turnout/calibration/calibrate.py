@@ -399,35 +399,48 @@ def calibrate(
             final, slip_warnings = drop_unidentified_slip_levels(final)
             warnings += slip_warnings
         shares = {} if run.ended else panel_shares or {}
-        columns = {key: panel_column(final, key, share) for key, share in shares.items()}
-        spread = spread_of(final, of_panel=list(columns.values()))
-        calibration = record_of(
-            final,
-            search,
-            spread,
-            plan=plan,
-            dataset=dataset,
-            movements=movements,
-            ended=run.ended,
-            warnings=[*oversized, *warnings, *rods],
-        )
-        findings = [*calibration.findings, *panel_lines(final, columns, shares)]
+        said = [*oversized, *warnings, *rods]
+        calibration, spread = _concluded(run, final, search, dataset, shares, said)
         if advise and not run.ended:
             watch.begin_advice(final, evaluator)
-            findings += advice_lines(final, spread)
+            lines = advice_lines(final, spread)
+            calibration = replace(calibration, findings=(*calibration.findings, *lines))
     return CalibrationOutcome(
-        calibration=replace(
-            calibration,
-            stages=tuple(logs),
-            findings=tuple(findings),
-            about={**calibration.about, **given_but(shares)},
-        ),
+        calibration=replace(calibration, stages=tuple(logs)),
         final=final,
         spread=spread,
         sweeps=tuple(sweeps),
         movements=movements,
         ended="".join(run.ended),
     )
+
+
+def _concluded(
+    run: "_Run",
+    final: Fit,
+    search: CauseSearch | None,
+    dataset: xr.Dataset,
+    shares: Mapping[str, float],
+    warnings: Sequence[str],
+) -> tuple[Calibration, Spread]:
+    """Return the record of a fit without stages, and its spread with stated doubts of the panel."""
+    columns = {key: panel_column(final, key, share) for key, share in shares.items()}
+    spread = spread_of(final, of_panel=list(columns.values()))
+    calibration = record_of(
+        final,
+        search,
+        spread,
+        plan=run.plan,
+        dataset=dataset,
+        movements=run.movements,
+        ended=run.ended,
+        warnings=warnings,
+    )
+    return replace(
+        calibration,
+        findings=(*calibration.findings, *panel_lines(final, columns, shares)),
+        about={**calibration.about, **given_but(shares)},
+    ), spread
 
 
 def _comparison(
