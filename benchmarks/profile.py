@@ -25,10 +25,9 @@ from turnout.kernels.vector import add_weighted_rows
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.solver import energy, march, solution, solve, state
-from turnout.solver.arrange import arrange
+from turnout.solver import energy, march, solve, state
+from turnout.solver.arrange import arrange, prepare, set_up_run
 from turnout.solver.columns import update_row
-from turnout.solver.prepared_run import prepare, set_up_run
 from turnout.solver.start import start_at_rest
 from turnout.solver.state import COUNT_FLIPS, COUNT_ITERATIONS, Run, State
 
@@ -39,7 +38,7 @@ CALLS, REPEATS = 2000, 7
 KERNELS = {
     "predict, right side": "march.predict(r, st, march.step_factors(r.options, r.options.step))",
     "columns times right side": (
-        "st.counters[state.UNSOLVED] = -1; solution.solve_displacements(r, st)"
+        "st.counters[state.UNSOLVED] = -1; solve.solve_displacements(r, st)"
     ),
     "check of contacts and stops": "solve.update_segments(r, st, False)",
     "check of friction": "solve.update_branches(r, st, 0, False)",
@@ -87,7 +86,7 @@ def marched(
 
 def repeated(body: str) -> Callable[..., None]:
     """Compile a loop around one call, so that the kernel alone is timed."""
-    modules = (energy, march, solution, solve, state)
+    modules = (energy, march, solve, state)
     names = {module.__name__.rpartition(".")[2]: module for module in modules}
     text = f"def loop(r, st, n):\n    for _ in range(n):\n        {body}\n"
     exec(text, names)

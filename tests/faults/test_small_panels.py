@@ -23,7 +23,7 @@ from turnout.panel.document import MOST_MEMBERS
 from turnout.panel.load import library_text, load_panel
 from turnout.panel.markers import read_schedule_csv
 from turnout.panel.matrices import read_rail_matrices
-from turnout.solver.prepared_run import MOST_STEPS
+from turnout.solver.arrange import MOST_STEPS
 from turnout.throw.simulate import simulate
 
 SB1 = library_text("sb1")

@@ -8,8 +8,15 @@ from turnout.law.friction import SLIP_FORWARD
 from turnout.solver.columns import assemble_level, rebuild, update_row
 from turnout.solver.energy import account_friction
 from turnout.solver.march import _try_step, step_factors
-from turnout.solver.solution import gather_modes, solve_displacements
-from turnout.solver.solve import CONVERGED, DRIFTS, evaluate, is_inaccurate, refine
+from turnout.solver.solve import (
+    CONVERGED,
+    DRIFTS,
+    evaluate,
+    gather_modes,
+    is_inaccurate,
+    refine,
+    solve_displacements,
+)
 from turnout.solver.state import COUNT_RECENT, UNSOLVED, set_segment
 
 

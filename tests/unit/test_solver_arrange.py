@@ -14,10 +14,9 @@ from turnout.panel.load import LoadedPanel, load_panel
 from turnout.panel.markers import marker_positions
 from turnout.solver import arrange as arrangement
 from turnout.solver import condense, start
-from turnout.solver.arrange import arrange
+from turnout.solver.arrange import arrange, clear_memory
 from turnout.solver.integration import integrate
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import clear_memory
 from turnout.throw.simulate import solve_placed
 
 QUICK = Scheme.of("quick")

@@ -27,7 +27,7 @@ from turnout.solver.columns import (
 from turnout.solver.condense import Block, BlockModel, folded_stiffness, leading_rows, sum_at_rows
 from turnout.solver.modal import LinearSystem, diagonalise_damping, split_modes
 from turnout.solver.record import empty_record
-from turnout.solver.solution import gather_modes, solve_displacements
+from turnout.solver.solve import gather_modes, solve_displacements
 from turnout.solver.state import (
     COUNT_FLIPS,
     COUNT_JOINING,

@@ -9,10 +9,17 @@ from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
-from turnout.solver.arrange import Arrangement, arrange
+from turnout.solver.arrange import (
+    Arrangement,
+    arrange,
+    clear_buffers,
+    clear_memory,
+    give_back,
+    prepare,
+    set_up_run,
+)
 from turnout.solver.columns import READY, STALE
 from turnout.solver.march import switch_level
-from turnout.solver.prepared_run import clear_buffers, clear_memory, give_back, prepare, set_up_run
 from turnout.solver.state import Run, State
 
 PANEL = load_panel("sb2")  # its records are known by identity

@@ -8,11 +8,10 @@ from turnout.core.scheme import Scheme
 from turnout.mechanism.build import build_mechanism
 from turnout.panel.load import load_panel
 from turnout.panel.markers import marker_offsets, marker_positions
-from turnout.solver.arrange import arrange
+from turnout.solver.arrange import arrange, prepare, set_up_run
 from turnout.solver.integration import integrate
 from turnout.solver.march import REST_TIME, STILL, is_at_rest, march, predict, step_factors
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import prepare, set_up_run
 from turnout.solver.start import start_at_rest
 from turnout.solver.state import COUNT_ITERATIONS, COUNT_JOINING, UNSOLVED, Run, State
 

@@ -21,10 +21,9 @@ from turnout.machine.rows import command_rows, machine_room, machine_row, start_
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.load import load_panel
-from turnout.solver.arrange import arrange
+from turnout.solver.arrange import arrange, prepare, set_up_run
 from turnout.solver.integration import History, integrate
 from turnout.solver.march import march, store_instant
-from turnout.solver.prepared_run import prepare, set_up_run
 from turnout.solver.start import start_at_rest
 
 Floats = NDArray[np.float64]

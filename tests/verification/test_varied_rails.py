@@ -35,9 +35,8 @@ from turnout.mechanism.varied_rails import (
 )
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel, library_text, load_panel
-from turnout.solver.arrange import arrange
+from turnout.solver.arrange import arrange, clear_memory
 from turnout.solver.modal import ModalModel
-from turnout.solver.prepared_run import clear_memory
 from turnout.study.scenario import Scenario
 from turnout.study.study import Study
 from turnout.study.sweep import row

@@ -1,4 +1,4 @@
-"""Condense a mechanism for the kernels.
+"""Condense a mechanism for the kernels, and prepare its runs.
 
 Runs that differ only in values of laws (friction, clearances, saturation forces, times) or in the
 motion share modes and structure, which are therefore condensed once and cached. Mechanisms built
@@ -11,22 +11,28 @@ Compliances depend on the condensed rails and the length of the step (`turnout.s
 on laws: throws of a study that differ in friction, stiffness of drives, slip levels and the object
 have them alike. Where objects stand matters for their own rows and columns alone, which are made
 again. States and scratch arrays are only laid out alike, which takes longer than to fill them.
-Rails of which there is a single throw give nothing back.
+Rails of which there is a single throw give nothing back. What needs no memory of its own is set up
+with the plans of other throws, while what Python needs for it is in the processor's caches.
 """
 
-from collections.abc import Hashable
+import math
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.errors import MechanicsError
+from turnout.core.errors import MechanicsError, SolverError
 from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Scheme
-from turnout.kernels.shared_record import record_like, shared_record
+from turnout.kernels.lanes import whole_lines, zeros_in_lines
+from turnout.kernels.shared_record import SharedRecord, record_like, shared_record
+from turnout.law.friction import FrictionCourses, no_courses
+from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
-from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.mechanism import Mechanism, Wait
+from turnout.solver.columns import READY, STALE
 from turnout.solver.condense import (
     BlockModel,
     CondensedRails,
@@ -37,11 +43,23 @@ from turnout.solver.condense import (
     sum_at_rows,
 )
 from turnout.solver.modal import ModalModel
+from turnout.solver.record import SavePlan, empty_record
+from turnout.solver.state import (
+    Options,
+    Run,
+    State,
+    StepRecord,
+    Work,
+    fresh_state,
+    new_work,
+    release_buffers,
+)
 from turnout.solver.system import (
     PLACED,
     Floats,
     Places,
     System,
+    as_unsigned,
     check_normals,
     condensed_system,
     move_added_ends,
@@ -160,12 +178,6 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     placed = {name: getattr(found.table, name) for name in PLACED}
     table = record_like(found.table, laws._replace(**placed))
     return replace(found, mechanism=mechanism, laws=laws, table=table, known=True)
-
-
-def clear_arrangements() -> None:
-    """Clear the cache of condensed mechanisms."""
-    _rails_cache.clear()
-    _layouts.clear()
 
 
 def _structure(mechanism: Mechanism, scheme: Scheme) -> _Structure | None:
@@ -300,3 +312,351 @@ def _with_objects(
         found.append(added)
         joined.append(tuple(reaching.tolist()))
     return tuple(found), tuple(joined)
+
+
+# Most memory of a history [bytes], and most steps.
+MOST_MEMORY = 2e9
+MOST_STEPS = 2_000_000
+CHECK_INTERVAL = 0.02
+"""At which a run that waits for machines checks whether they still move [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Waits of a run for machines; the last one is at its end.
+
+    Attributes
+    ----------
+    time : float
+        As of `Wait` [s].
+    step : int
+        The last stored instant before the onset of the next movement, or the last of all.
+    rest, longest : int
+        Steps of rest once all machines stand, and of the longest wait before it.
+    """
+
+    time: float
+    step: int
+    rest: int
+    longest: int
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Numbers of steps and stored instants.
+
+    Attributes
+    ----------
+    n_steps : int
+        Of the schedule.
+    stride : int
+        Steps from one stored instant to the next.
+    filled_in : bool
+        Whether instants between the steps are wanted.
+    last : float
+        The last instant that is wanted, by the schedule [s].
+    stops : tuple of Stop
+        Where it may wait, and its end.
+    room : int
+        Steps that there is memory for, those of the waits among them.
+    check : int
+        Steps from one check whether machines still move to the next.
+    """
+
+    n_steps: int
+    stride: int
+    filled_in: bool
+    last: float
+    stops: tuple[Stop, ...]
+    room: int
+    check: int
+
+    @property
+    def n_stored(self) -> int:
+        """Stored instants that there is memory for."""
+        return self.room // self.stride + 1
+
+
+def choose_grid(
+    mechanism: Mechanism, scheme: Scheme, end: float, waits: Sequence[Wait] = ()
+) -> Grid:
+    """Choose the steps; refuse a run with too many of them, or too large for the memory.
+
+    Waits take what memory there is beyond that of the schedule.
+    """
+    for interval, what in ((scheme.step, "steps"), (scheme.output_interval, "stored instants")):
+        if end / interval > MOST_STEPS:
+            msg = (
+                f"end = {end:g} s with {what} every {interval:g} s makes {end / interval:.3g} of "
+                f"them, at most {MOST_STEPS} are made; end sooner (schedule.end) or less often"
+            )
+            raise SolverError(msg)
+    n_out = round(end / scheme.output_interval) + 1
+    if n_out < 2:
+        msg = f"end = {end:g} s is shorter than one output interval"
+        raise SolverError(msg)
+    stride, filled_in = max(scheme.stride, 1), scheme.stride == 0
+    last = (n_out - 1) * scheme.output_interval
+    share = last / scheme.step
+    n_steps = math.ceil(share - 1e-6) if filled_in else (n_out - 1) * stride
+    a_row = 8 * (mechanism.n_rows + mechanism.laws.row.size + mechanism.core.shape[1])
+    most = max(n_steps // stride + 1, n_out)
+    if most * a_row > MOST_MEMORY:
+        msg = (
+            f"end = {end:g} s with an output interval of {scheme.output_interval:g} s makes "
+            f"{most:.3g} instants, too many to hold; end sooner or store less often"
+        )
+        raise SolverError(msg)
+    check = stride * max(1, round(CHECK_INTERVAL / (stride * scheme.step)))
+    stops = _choose_stops(waits or [Wait(end, 0.0, 0.0)], scheme.step, (stride, check, n_steps))
+    room = n_steps + sum(stop.longest + stop.rest for stop in stops)
+    fits = min(MOST_STEPS, int(MOST_MEMORY / a_row / most * n_steps))
+    return Grid(n_steps, stride, filled_in, last, stops, max(n_steps, min(room, fits)), check)
+
+
+def _choose_stops(
+    waits: Sequence[Wait], step: float, counts: tuple[int, int, int]
+) -> tuple[Stop, ...]:
+    """Return waits in steps; lengths are whole stored intervals, and a rest is one at least."""
+    stride, check, n_steps = counts
+
+    def whole(time: float) -> int:
+        return stride * math.ceil(time / (stride * step) - 1e-6)
+
+    return tuple(
+        Stop(
+            wait.time,
+            n_steps if number == len(waits) else whole(wait.time) - stride,
+            max(whole(wait.rest), check) if wait.longest else 0,
+            whole(wait.longest),
+        )
+        for number, wait in enumerate(waits, 1)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunSetup:
+    """All of a run but the memory of its state; it can be prepared once.
+
+    Attributes
+    ----------
+    arrangement : Arrangement
+        The condensed mechanism.
+    table : LawTable
+        Its laws by places, or others there; changed by the run.
+    options : Options
+        Lengths of steps, tolerances.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    n_stored : int
+        Instants of the record.
+    velocity : bool
+        Whether velocities are stored too.
+    obstructions : Obstructions
+        Laws with memory.
+    courses : FrictionCourses
+        Friction along the stroke.
+    save : SavePlan, optional
+        Which instants are stored whole and kept, and what is seen of these; default all of them.
+    """
+
+    arrangement: Arrangement
+    table: LawTable
+    options: Options
+    positions: Floats
+    n_stored: int
+    velocity: bool
+    obstructions: Obstructions
+    courses: FrictionCourses
+    save: SavePlan | None
+
+
+def set_up_run(
+    arrangement: Arrangement,
+    scheme: Scheme,
+    positions: Floats,
+    n_stored: int,
+    *,
+    filled_in: bool = False,
+    save: SavePlan | None = None,
+    table: LawTable | None = None,
+) -> RunSetup:
+    """Set up a run.
+
+    Parameters
+    ----------
+    arrangement : Arrangement
+        From `arrange`.
+    scheme : Scheme
+        Step [s], spectral radius, tolerances and halvings.
+    positions : ndarray, shape (n_steps + 1, n_inputs)
+        Marker positions at the ends of the steps [m].
+    n_stored : int
+        Instants of the record.
+    filled_in : bool
+        Whether instants between the steps are wanted, which needs velocities.
+    save : SavePlan, optional
+        As of `RunSetup`.
+    table : LawTable, optional
+        Laws by places, in place of those of the arrangement.
+    """
+    table = arrangement.table if table is None else table
+    mechanism = arrangement.mechanism
+    return RunSetup(
+        arrangement=arrangement,
+        table=table,
+        options=Options.of(scheme),
+        positions=positions,
+        n_stored=n_stored,
+        velocity=filled_in and scheme.inertia,
+        obstructions=_set_up_obstructions(mechanism.obstructions, table),
+        courses=_set_up_courses(mechanism.courses, arrangement.frame, table),
+        save=save,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Buffers:
+    """Memory of a run that has ended, for the next one of these rails.
+
+    Attributes
+    ----------
+    frame : Frame
+        Of its rails.
+    system : System
+        For which the compliances in the state are known.
+    state, work : State, Work
+        Of the run.
+    record : StepRecord, optional
+        Of a run whose stored instants are of no more use.
+    """
+
+    frame: Frame  # kept alive, since the key of the memory names what is in it by its identity
+    system: System
+    state: State
+    work: Work
+    record: StepRecord | None
+
+    def ready_for(self, arrangement: Arrangement) -> NDArray[np.int64]:
+        """Return which of the compliances are known for a system, shape (n_levels,)."""
+        ready = self.state.level_ready.copy()
+        if self.system is arrangement.system:
+            return ready
+        return np.where(ready == READY, STALE, ready) * (self.frame is arrangement.frame)
+
+
+_kept = LRUCache[Buffers](24)  # three megabytes each in quick mode
+
+
+def _key(frame: Frame, options: Options, n_inputs: int) -> Hashable:
+    """Return what memory is laid out by."""
+    lengths = options.step, options.alpha_m, options.alpha_f, options.beta, options.gamma
+    return (id(frame.fresh), *lengths, options.halvings, n_inputs)
+
+
+def prepare(setup: RunSetup) -> tuple[Run, State]:
+    """Give a run that was set up its state, scratch arrays and record; nothing has moved yet.
+
+    Their memory is that of a run before, where there is one.
+    """
+    arrangement, table, count = setup.arrangement, setup.table, setup.n_stored
+    system, n_inputs = arrangement.system, setup.positions.shape[1]
+    levels = setup.options.halvings + 2  # halvings, and no inertia
+    fresh, kept = (
+        arrangement.frame.fresh,
+        _kept.pop(_key(arrangement.frame, setup.options, n_inputs)),
+    )
+    if kept is None:
+        state = fresh_state(system, table, n_inputs=n_inputs, levels=levels)
+        work, record = new_work(system, table), None
+        fresh[n_inputs, levels] = tuple(_vectors(of).copy() for of in (state, work))
+    else:
+        state, work, record, ready = kept.state, kept.work, kept.record, kept.ready_for(arrangement)
+        _vectors(state)[:], _vectors(work)[:] = fresh[n_inputs, levels]
+        state.level_ready[:] = ready
+    state.inputs[:] = setup.positions[0]
+    if record is None or record.q.shape[0] != count or setup.velocity or setup.save is not None:
+        record = empty_record(system, table, count, velocity=setup.velocity, plan=setup.save)
+    record.residual[:] = 0.0
+    given = setup.options, setup.positions, record, setup.obstructions, setup.courses
+    return Run(system, table, work, *given), state
+
+
+def _vectors(record: State | Work) -> Floats:
+    """Return the memory of the vectors of a record."""
+    return cast("SharedRecord", record).memory
+
+
+def give_back(arrangement: Arrangement, run: Run, state: State, *, record: bool = False) -> None:
+    """Give back, at its end, what another run of these rails can use; maybe its record too.
+
+    Rails of which there is a single throw give nothing back.
+    """
+    if arrangement.known:
+        memory = (run.system, state, run.work, run.record if record else None)
+        key = _key(arrangement.frame, run.options, state.inputs.size)
+        _kept.put(key, Buffers(arrangement.frame, *memory))
+
+
+def clear_buffers() -> None:
+    """Forget all memory of runs."""
+    _kept.clear()
+
+
+def clear_memory() -> None:
+    """Clear the cache of condensed mechanisms, and release the memory of runs and histories."""
+    _rails_cache.clear()
+    _layouts.clear()
+    clear_buffers()
+    release_buffers()
+
+
+_NO_OBSTRUCTIONS, _NO_COURSES = shared_record(no_obstructions()), shared_record(no_courses())
+
+
+def _set_up_obstructions(given: Obstructions, table: LawTable) -> Obstructions:
+    """Return the obstructions of a run; their laws get the dents that they have already."""
+    if given.law.size == 0:
+        return _NO_OBSTRUCTIONS
+    obstructions = shared_record(given)
+    remember(table, obstructions)
+    return obstructions
+
+
+def _set_up_courses(courses: FrictionCourses, frame: Frame, table: LawTable) -> FrictionCourses:
+    """Return the courses of a run; without any, all runs share them."""
+    if courses.has_curves:
+        rows = table.friction_row.tobytes()
+        feet = frame.feet.get(rows)
+        if feet is None:
+            feet = frame.feet[rows] = _foot_modes(frame.system, table)
+        width = feet["modes"].shape[1]
+        courses = courses._replace(**feet, speed=np.zeros(feet["feet"].size * width))
+    elif not courses.friction.size:
+        return _NO_COURSES
+    return shared_record(courses)
+
+
+def _foot_modes(system: System, table: LawTable) -> dict[str, NDArray[Any]]:
+    """Return the modes at the feet, block by block, and which speed is that of each friction."""
+    feet, number = np.unique(table.friction_row.astype(np.int64), return_inverse=True)
+    if (system.row_ends[feet, 1] >= 0).any():
+        message = "friction that follows speed acts on one rail, not between two"
+        raise MechanicsError(message)
+    if feet[-1] >= system.end_start[-1]:
+        message = "friction that follows speed acts at rows that lead, not at one that follows"
+        raise MechanicsError(message)
+    start = np.searchsorted(feet, system.end_start)
+    count = np.diff(start)
+    width = int(whole_lines(count.max()))
+    modes = zeros_in_lines(system.load.size + 1, width)
+    for block in np.flatnonzero(count):
+        own, rows = feet[start[block] :][: count[block]], slice(*system.mode_start[block:][:2])
+        modes[rows, : own.size] = system.mode_ends[rows, own - system.end_start[block]]
+    block_of = system.block_of_end[feet]
+    place = block_of * width + np.arange(feet.size) - start[block_of]
+    return {
+        "feet": count,
+        "modes": modes,
+        "speed_of": as_unsigned(place[number]),
+    }

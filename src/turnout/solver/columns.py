@@ -29,7 +29,7 @@ becomes
 
 (for `c` with :math:`d^T c + \beta`), without a factorisation.
 
-Rows that join two blocks are solved last (`turnout.solver.solution`).
+Rows that join two blocks are solved last (`turnout.solver.solve`).
 
 Columns of active ends are rows of `State.columns`; each block has its own range of slots there.
 """

@@ -17,8 +17,8 @@ from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.rows import machine_room
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
+from turnout.solver.arrange import Grid
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import Grid
 from turnout.solver.record import give_place
 from turnout.solver.rods import Rods, all_stand, store_rods
 from turnout.solver.state import Run, State, acquire_buffer

@@ -19,13 +19,15 @@ from turnout.law.friction import branch_event, friction_limit, trial_force
 from turnout.law.kernel import any_not_finite, share_until_zero
 from turnout.solver.columns import mark_law, mark_row, update_marked
 from turnout.solver.energy import account_friction, account_laws
-from turnout.solver.solution import evaluate_deviation_forces, gather_modes, solve_displacements
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
     NOT_FINITE,
     evaluate,
+    evaluate_deviation_forces,
+    gather_modes,
     save_contact_set,
+    solve_displacements,
 )
 from turnout.solver.state import COUNT_ITERATIONS, UNSOLVED, Run, State, set_segment
 from turnout.solver.system import Floats

@@ -16,7 +16,15 @@ from turnout.kernels.compiled import prepare_kernels
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
-from turnout.solver.arrange import arrange
+from turnout.solver.arrange import (
+    Grid,
+    RunSetup,
+    arrange,
+    choose_grid,
+    give_back,
+    prepare,
+    set_up_run,
+)
 from turnout.solver.condense import CondensedRails
 from turnout.solver.driven import (
     MachineHistory,
@@ -32,14 +40,6 @@ from turnout.solver.energy import energy_balance, folded_energy
 from turnout.solver.march import march, march_with_machines, store_instant
 from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
-from turnout.solver.prepared_run import (
-    Grid,
-    RunSetup,
-    choose_grid,
-    give_back,
-    prepare,
-    set_up_run,
-)
 from turnout.solver.record import (
     SaveAt,
     Watched,

@@ -66,11 +66,11 @@ from turnout.solver.rods import (
     rods_may_stay,
     store_rods,
 )
-from turnout.solver.solution import blocks_of
 from turnout.solver.solve import (
     CONVERGED,
     DRIFTS,
     NOT_CONVERGED,
+    blocks_of,
     equilibrium_residual,
     evaluate,
     is_inaccurate,

@@ -31,25 +31,25 @@ from turnout.law.friction import SLIP_FORWARD, STICK
 from turnout.law.kernel import any_not_finite
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism
-from turnout.solver.arrange import Arrangement, Frame
+from turnout.solver.arrange import Arrangement, Frame, give_back, prepare, set_up_run
 from turnout.solver.columns import assemble_level, rebuild, update_marked
 from turnout.solver.energy import account_friction, account_laws, set_energy_reference
 from turnout.solver.follow import follow_path
 from turnout.solver.march import march
 from turnout.solver.obstruct import freeze
 from turnout.solver.outcome import Code
-from turnout.solver.prepared_run import give_back, prepare, set_up_run
-from turnout.solver.solution import gather_modes, solve_displacements
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
     NOT_FINITE,
     evaluate,
+    gather_modes,
     iterate_contact_set,
     measure_residual,
     refine,
     restore_contact_set,
     save_contact_set,
+    solve_displacements,
     update_contact_set,
 )
 from turnout.solver.state import LEVEL, Run, State, set_home_segments, set_segments

@@ -26,10 +26,10 @@ from turnout.panel.markers import (
     prior_positions,
 )
 from turnout.panel.records import Movement
+from turnout.solver.arrange import clear_memory
 from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.solver.outcome import NotConverged
-from turnout.solver.prepared_run import clear_memory
 from turnout.solver.record import SaveAt
 from turnout.solver.start import PriorMotion
 from turnout.throw.breaking import break_attributes, peak_attributes
