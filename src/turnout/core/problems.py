@@ -108,6 +108,17 @@ def meant(name: str, names: Iterable[str]) -> str:
     return lower[match[0]] if match else ""
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number of things with its verb.
+
+    Examples
+    --------
+    >>> counted(1, "sample"), counted(3, "sample")
+    ('1 sample is', '3 samples are')
+    """
+    return f"{count} {noun} is" if count == 1 else f"{count} {noun}s are"
+
+
 def choices(names: Iterable[str], *, most: int = 12) -> str:
     """List names for a message, shortened.
 

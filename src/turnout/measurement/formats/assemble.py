@@ -3,12 +3,13 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
-from turnout.core.problems import choices
+from turnout.core.problems import choices, counted
 from turnout.measurement.formats.clock import DAY, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.time_axis import iso_time
@@ -248,16 +249,12 @@ def implausible_times(channels: Sequence[RecordedChannel]) -> list[str]:
     ]
     rates = [item.rate for item in channels]
     if rates and max(rates) > _LARGEST_RATIO * min(rates):
-        least, most = min(channels, key=_rate_of), max(channels, key=_rate_of)
+        least, most = (pick(channels, key=attrgetter("rate")) for pick in (min, max))
         notes.append(
             f"check the time: '{most.name}' has {most.rate:.4g} samples per second, "
             f"'{least.name}' {least.rate:.4g}"
         )
     return notes
-
-
-def _rate_of(channel: RecordedChannel) -> float:
-    return channel.rate
 
 
 def _evened(
@@ -307,8 +304,7 @@ def _without_overload(values: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     count = int(np.count_nonzero(wrong))
     if not count:
         return values, _stand_in(values)
-    what = "sample is" if count == 1 else "samples are"
-    return np.where(wrong, np.nan, values), f"{count} {what} overload, taken as missing"
+    return np.where(wrong, np.nan, values), f"{counted(count, 'sample')} overload, taken as missing"
 
 
 def _stand_in(values: NDArray[np.float64]) -> str:
@@ -317,8 +313,8 @@ def _stand_in(values: NDArray[np.float64]) -> str:
         if count := int(np.count_nonzero(values == number)):
             others = values[(values != number) & np.isfinite(values)]
             if others.size and 10.0 * np.abs(others).max() < abs(number):
-                what = "sample is" if count == 1 else "samples are"
-                return f"check the values: {count} {what} {number:g}, as loggers write for none"
+                what = f"{counted(count, 'sample')} {number:g}"
+                return f"check the values: {what}, as loggers write for none"
     return ""
 
 

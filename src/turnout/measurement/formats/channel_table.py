@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, refused_of
-from turnout.core.problems import choices
+from turnout.core.problems import choices, counted
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.clock import (
     is_direction_name,
@@ -428,8 +428,8 @@ def _wide_columns(table: Table) -> list[FileColumn]:
             time = axis.seconds
         empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
         if empty > 0:
-            cells = "cell is" if empty == 1 else "cells are"
-            table.problems.append(f"channel '{name}': {empty} {cells} empty, taken as missing")
+            what = f"{counted(empty, 'cell')} empty, taken as missing"
+            table.problems.append(f"channel '{name}': {what}")
         described = (name, values, column.unit, column.description)
         found.append(
             FileColumn(*described, time=time, rate=own, start=start, begin=begin, remark=remark)

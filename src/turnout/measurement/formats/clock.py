@@ -58,6 +58,7 @@ _STEP = re.compile(
 )
 _EITHER = re.compile(rf"sampling|abtastung|sample|messtakt|takt{_SUFFIX}")
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
+_RATES = ((_RATE, "rate"), (_STEP, "step"), (_EITHER, "either"), (_WEAK_RATE, "weak"))
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
 # A clock of another part may be far faster than the samples.
 _NO_CLOCK = re.compile(r"[^\W\d_]*clock(?:rate|frequency|freq|period)?")
@@ -295,30 +296,29 @@ class StatedClock:
         name = squeezed(key if _PER_SECOND.search(key.lower()) else key.rsplit("/", 1)[-1])
         name = unicodedata.normalize("NFKD", name.replace("-", ""))
         name = "".join(character for character in name if not unicodedata.combining(character))
-        kinds = ((_RATE, "rate"), (_STEP, "step"), (_EITHER, "either"), (_WEAK_RATE, "weak"))
-        for pattern, kind in kinds:
-            match = pattern.fullmatch(name)
-            if match is None:
+        texts = [str(value).strip() for value in values]
+        for pattern, kind in _RATES:
+            if (match := pattern.fullmatch(name)) is None:
                 continue
-            shown = f"{key.strip()}: {', '.join(str(value).strip() for value in values)}"[:60]
+            shown = f"{key.strip()}: {', '.join(texts)}"[:60]
             suffix = match.groupdict().get("unit") or ""
-            found = _rates(values, unit or suffix, kind, decimal, shown)
+            found = _rates(texts, unit or suffix, kind, decimal, shown)
             if found:
                 (self.weak if kind == "weak" else self.rates).append((shown, found))
-                return True
-            return False
-        text = " ".join(str(value).strip() for value in values).strip()
+            return bool(found)
+        kept = list(dict.fromkeys(texts))
+        text, once = " ".join(texts).strip(), " ".join(kept)
+        said = f"{key.strip()}: {text}"[:60]
         number = stated_number(text)
         unit_of = "" if number is None else _unit_of_clock(number[1] or unit)
         clock = _NO_CLOCK.fullmatch(name) and (unit_of in HERTZ or unit_of in SECONDS)
         if clock or (_NO_RATE.fullmatch(name) and number is not None):
-            self.doubtful.append(f"{key.strip()}: {text}"[:60])
+            self.doubtful.append(said)
             return True
         if _REDUCED.fullmatch(name) and text not in ("1", "0", ""):
-            self.reduced.append(f"{key.strip()}: {text}"[:60])
+            self.reduced.append(said)
             return True
         if match := _START.fullmatch(name):
-            kept = list(dict.fromkeys(str(value).strip() for value in values))
             plain = all(_SECONDS_TEXT.fullmatch(v) and v.count(".") < 2 for v in kept)
             first = stated_number(kept[0], decimal) if plain else None
             if len(kept) > 1 and plain:
@@ -327,14 +327,15 @@ class StatedClock:
             if first is not None:
                 self.start = first[0] * SECONDS.get((first[1] or match["unit"] or "").lower(), 1)
                 return True
-        if _BEGIN.fullmatch(name) and number and is_time_unit(seconds := number[1] or unit):
+        begins = _BEGIN.fullmatch(name) is not None
+        if begins and number and is_time_unit(seconds := number[1] or unit):
             if not _BEGIN_WORD.search(name):  # a duration
-                self.doubtful.append(f"{key.strip()}: {text}"[:60])
+                self.doubtful.append(said)
             elif number := stated_number(text, decimal):
                 self.start = number[0] * SECONDS[seconds.lower()]
             return True
-        if (_BEGIN.fullmatch(name) or name == "t0") and _MOMENT.match(text):
-            self.moments.append(" ".join(dict.fromkeys(str(value).strip() for value in values)))
+        if (begins or name == "t0") and _MOMENT.match(text):
+            self.moments.append(once)
             return True
         return False
 
@@ -378,10 +379,10 @@ class StatedClock:
 
 
 def _rates(
-    values: Sequence[object], unit: str, kind: str, decimal: str | None, shown: str
+    values: Sequence[str], unit: str, kind: str, decimal: str | None, shown: str
 ) -> tuple[float, ...]:
     """Return rates [1/s] from stated rates or intervals; empty if there are no numbers."""
-    texts = [_OWNER.sub("", str(value).strip()) for value in values if str(value).strip()]
+    texts = [_OWNER.sub("", value) for value in values if value]
     if len(texts) > 1 and not _STATED.fullmatch(texts[-1]):  # 2.5e-3, "s"
         unit = _unit_of_clock(texts[-1]) or unit
         texts = texts[:-1]

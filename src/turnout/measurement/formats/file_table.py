@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import refused_of
-from turnout.core.problems import choices
+from turnout.core.problems import choices, counted
 from turnout.measurement.formats.assemble import (
     is_unit,
     split_unit,
@@ -287,11 +287,8 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
         if overload:
             number = sum(text.strip() in overload for text in texts)
             table.overloads[place] = number
-            what = "cell is" if number == 1 else "cells are"
-            shown = choices(sorted(overload))
-            table.problems.append(
-                f"channel '{name}': {number} {what} overload ({shown}), taken as missing"
-            )
+            what = f"{counted(number, 'cell')} overload ({choices(sorted(overload))})"
+            table.problems.append(f"channel '{name}': {what}, taken as missing")
 
 
 def _with_unit(texts: list[str], filled: int, decimal: str) -> tuple[Floats, list[str]] | None:

@@ -36,7 +36,11 @@ def read_lvm(path: Path) -> Table:
     count = int(stated_count) if stated_count.isdigit() else len(names)
     # Per channel a value in each column of samples; times take a column each or none.
     places = [n for n, name in enumerate(names) if name.lower() != "x_value"]
-    by_channel = {key: _of_channels(values, count) for key, values in own.items()}
+    # They may stand in the columns of the times too.
+    by_channel = {
+        key: [value.strip() for value in values if value.strip()][:count]
+        for key, values in own.items()
+    }
     over = {value.lower() for value in by_channel.get("x_dimension", [])} - {"time"}
     if over:
         message = f"{path}: is recorded over {', '.join(sorted(over))}, not over time"
@@ -114,12 +118,6 @@ def _pair(line: str) -> tuple[str, str]:
         if found:
             return key.strip().lower(), value.strip()
     return line.strip().lower(), ""
-
-
-def _of_channels(values: list[str], count: int) -> list[str]:
-    """Return the filled values of a heading, which may stand in the columns of the times too."""
-    filled = [value.strip() for value in values if value.strip()]
-    return filled[:count] if len(filled) >= count else filled
 
 
 def _steps(by_channel: dict[str, list[str]], decimal: str, path: Path) -> list[float]:

@@ -114,12 +114,6 @@ class TextLayout:
     heading: Heading
     loose_rows: int = 0
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each column; a number if the file has none."""
-        given = [*self.heading.names, *[""] * self.width][: self.width]
-        return tuple(name or f"column {place}" for place, name in enumerate(given, start=1))
-
 
 def encoding_of(sample: bytes) -> str:
     """Return the encoding of a text from its first bytes: a mark, UTF-16, UTF-8, or else Latin-1.
@@ -163,8 +157,10 @@ def text_layout(sample: bytes, *, source: str) -> TextLayout:
     Examples
     --------
     >>> layout = text_layout(b"Time (s);Rod 1 (mV/V)\n0,000;0,1\n0,001;0,2\n", source="a.csv")
-    >>> layout.separator, layout.decimal, layout.first_row, layout.names, layout.heading.units
-    (';', ',', 1, ('Time', 'Rod 1'), ['s', 'mV/V'])
+    >>> layout.separator, layout.decimal, layout.first_row
+    (';', ',', 1)
+    >>> layout.heading.names, layout.heading.units
+    (['Time', 'Rod 1'], ['s', 'mV/V'])
     """
     with refused_of(source):
         return _layout(sample)
@@ -404,7 +400,7 @@ def _facts_below_names(
 def _loose_rows(above: Sequence[Sequence[str]], width: int, decimal: str) -> list[int]:
     """Return how many rows of numbers of one other width lie together, for each such place."""
     widths = [
-        len(cells) if all(_weight(cell, decimal) for cell in cells) else 0
+        len(cells) if all(value_weight(cell, decimal) for cell in cells) else 0
         for cells in above
         if cells
     ]
@@ -417,7 +413,7 @@ def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
     first = [cells[0] for cells in table]
     if len(table[0]) > 1 and is_date(first[0]) and is_stamp(table[0][1]):
         return True
-    if not any(_weight(cell, decimal) for cell in first):
+    if not any(value_weight(cell, decimal) for cell in first):
         return True
     plain = all(cell.isdigit() and len(cell) < 16 for cell in first)
     return plain and len({int(b) - int(a) for a, b in pairwise(first)}) == 1
@@ -498,26 +494,24 @@ def split_line(line: str, separator: str) -> list[str]:
 def _share(cells: Sequence[str], decimal: str) -> float:
     """Return the share of the filled cells that are numbers, times or known gaps."""
     filled = [cell for cell in cells if cell]
-    found = [_weight(cell, decimal) or _is_curve(cell, cells, decimal) for cell in filled]
-    if not filled or not any(found):
+    # A list of numbers alone in its line may be a row.
+    found = [
+        value_weight(cell, decimal) or (len(cells) > 1 and bool(curve_parts(cell, decimal)))
+        for cell in filled
+    ]
+    if not any(found):
         return 0.0
-    gaps = sum(
-        1 for cell, weight in zip(filled, found, strict=True) if not weight and is_missing(cell)
-    )
+    gaps = sum(not w and is_missing(cell) for cell, w in zip(filled, found, strict=True))
     return (sum(found) + gaps) / len(filled)
 
 
-def _weight(cell: str, decimal: str) -> float:
+def value_weight(cell: str, decimal: str) -> float:
+    """Return how surely a cell holds a number or a time; 0 for anything else."""
     if PLAIN[decimal].fullmatch(plain_sign(cell)[:80]):
         return 1.0
     if is_stamp(cell) or is_date(cell):
         return 1.0
     return _GROUPED_WEIGHT if is_number(cell, decimal) else 0.0
-
-
-def _is_curve(cell: str, cells: Sequence[str], decimal: str) -> bool:
-    """Return True for a list of numbers in one of several cells; alone it may be a row."""
-    return len(cells) > 1 and bool(curve_parts(cell, decimal))
 
 
 def _first_row(
@@ -528,7 +522,7 @@ def _first_row(
     unlabelled = [number for number in fitting if not rows[number][0]]
     usual = unlabelled if 2 * len(unlabelled) > len(fitting) else fitting
     kinds = rows[usual[len(usual) // 2]]
-    first = next((place for place, cell in enumerate(kinds) if _weight(cell, decimal)), 0)
+    first = next((place for place, cell in enumerate(kinds) if value_weight(cell, decimal)), 0)
     above, *below = rows[fitting[0] : fitting[0] + 4]
     numbered = [str(int(above[0]) + n) for n in range(width)] if above[0] in ("0", "1") else []
     if above == numbered and any(_are_words(cells, width) for cells in below):
@@ -537,7 +531,7 @@ def _first_row(
         cells = rows[number]
         if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
             continue  # a label above an empty first column
-        if _weight(cells[first], decimal) or number == fitting[-1]:
+        if value_weight(cells[first], decimal) or number == fitting[-1]:
             return _with_gaps_above(rows, number, width)
     return fitting[0]
 

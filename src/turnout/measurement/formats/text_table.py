@@ -11,18 +11,18 @@ import pandas as pd
 from pandas.errors import ParserWarning
 
 from turnout.core.errors import MeasurementError, refused_of
-from turnout.core.problems import choices
+from turnout.core.problems import choices, counted
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
-from turnout.measurement.formats.numbers import EMPTY, is_number
+from turnout.measurement.formats.numbers import EMPTY
 from turnout.measurement.formats.text_dialect import (
     SAMPLE_SIZE,
     TextLayout,
     split_line,
     text_layout,
+    value_weight,
 )
-from turnout.measurement.formats.time_axis import is_date, is_stamp
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the numbers"
@@ -151,10 +151,6 @@ def _frame(text: _Text) -> Any:
     return frame
 
 
-def _value(cell: str, decimal: str) -> bool:
-    return is_number(cell, decimal) or is_stamp(cell) or is_date(cell)
-
-
 def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
     """Leave out lines of statistics below the numbers; refuse a second table there."""
     layout = text.layout
@@ -166,7 +162,10 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
         (
             place
             for place in range(layout.width)
-            if sum(_value(row[place], layout.decimal) for row in probes if len(row) > place) > 1
+            if sum(
+                value_weight(row[place], layout.decimal) > 0 for row in probes if len(row) > place
+            )
+            > 1
         ),
         None,
     )
@@ -177,7 +176,7 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
     for line in lines[: -MOST_FOOTER - 2 : -1]:
         cells = split_line(line, layout.separator)
         cell = cells[leading] if len(cells) > leading else "".join(cells[:1])
-        if cell and (not cell[0].isalpha() or _value(cell, layout.decimal)):
+        if cell and (not cell[0].isalpha() or value_weight(cell, layout.decimal)):
             break
         count += 1
     first = len(lines) - count
@@ -194,7 +193,7 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
 def _refuse_second_table(text: _Text, leading: int) -> None:
     """Refuse a line below the numbers that begins with the name of their first column."""
     name = next((name.strip() for name in text.layout.heading.names if name), "")
-    if not name or _value(name, text.layout.decimal) or name not in text.body:
+    if not name or value_weight(name, text.layout.decimal) or name not in text.body:
         return
     for row, line in enumerate(text.body.split("\n")):
         cells = split_line(line, text.layout.separator) if row and name in line else []
@@ -243,8 +242,7 @@ def _lost_lines(text: _Text) -> list[str]:
     inside = len(_EMPTY_LINE.findall(text.body.rstrip())) if text.layout.width > 1 else 0
     # One line often parts a heading from its table.
     count = inside + (before if before > 1 else 0)
-    what = "1 empty line is" if count == 1 else f"{count} empty lines are"
-    return [f"check the time: {what} left out"] if count else []
+    return [f"check the time: {counted(count, 'empty line')} left out"] if count else []
 
 
 def _line_of(text: _Text, row: int) -> str:
