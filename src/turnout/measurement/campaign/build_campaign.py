@@ -394,28 +394,24 @@ def _dataset(
         "filter": "moving average over 0.1 s",
         "excluded": json.dumps(out),
     }
+    rods = check_rods(dataset)
     names = [str(name) for name in dataset["drive"].values]
-    if together := {name: drives_together(name) for name in names if drives_together(name)}:
-        attributes["together"] = json.dumps(together)
-    if sheet.panel:
-        attributes["sheet_panel"] = sheet.panel
-    stated = stated_uncertainties(channel_map)
-    if stated:
-        attributes["gain_uncertainty"] = json.dumps(stated)
+    structured: dict[str, Any] = {
+        "together": {name: drives_together(name) for name in names if drives_together(name)},
+        "gain_uncertainty": stated_uncertainties(channel_map),
+        "force_rates": {r.name: dict(p.force_rates) for r, p, _ in usable if p.force_rates},
+        "swapped": rods.pair,
+    }
+    plain = {
+        "sheet_panel": sheet.panel,
+        "rods_checked": "yes" * rods.checked,
+        "swapped_cell": exchanged_cell([(run.size, piece) for run, piece, _ in usable]),
+    }
+    attributes |= {key: json.dumps(value) for key, value in structured.items() if value}
+    attributes |= {key: value for key, value in plain.items() if value}
     if channel_map.clock_uncertainty is not None:
         attributes["clock_uncertainty"] = float(channel_map.clock_uncertainty)
     attributes |= channel_map.recorder().attributes()
-    slow = {run.name: dict(piece.force_rates) for run, piece, _ in usable if piece.force_rates}
-    if slow:
-        attributes["force_rates"] = json.dumps(slow)
-    rods = check_rods(dataset)
-    if rods.pair:
-        attributes["swapped"] = json.dumps(rods.pair)
-    if rods.checked:
-        attributes["rods_checked"] = "yes"
-    cell = exchanged_cell([(run.size, piece) for run, piece, _ in usable])
-    if cell:
-        attributes["swapped_cell"] = cell
     return dataset.assign_attrs(attributes)
 
 

@@ -68,8 +68,8 @@ def object_size(value: Any) -> float:
         message = "must be at least 0"
         raise ValueError(message)
     if size > LARGEST_SIZE:
-        limit = f"at most {LARGEST_SIZE:g} m"
-        message = f"{size:g} m is too large for an object in a switch, {limit}; check the unit"
+        limit = f"at most {LARGEST_SIZE:g} m; check the unit"
+        message = f"{size:g} m is too large for an object in a switch, {limit}"
         raise ValueError(message)
     return size
 

@@ -238,7 +238,7 @@ def check_monitoring(
     MeasurementError
         With all problems.
     """
-    problems = [*_own_problems(monitoring), *_rate_problems(monitoring.rate, rate)]
+    problems = [*_own_problems(monitoring, rate)]
     problems += _group_problems(drives, monitoring, supplies, math.inf)
     if problems:
         raise MeasurementError(problems, source="monitoring")
@@ -285,22 +285,20 @@ def _as_drive(run: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(rows, {"time": run["time"], "drive": [str(run.attrs.get("machine", "1"))]})
 
 
-def _own_problems(chosen: Monitoring) -> Iterator[str]:
+def _own_problems(chosen: Monitoring, own: float = math.inf) -> Iterator[str]:
+    """Yield the faults of settings for what has `own` samples a second."""
     for name, (dimension, *_) in LIMITS.items():
         value = getattr(chosen, name)
         if problem := _beyond(name, value):
             yield f"{name} = {value:g} {dimension.unit}: {problem}"
+    if chosen.rate > own * (1.0 + ROUNDING):
+        yield f"rate = {chosen.rate:g} 1/s: what it samples has {own:g} 1/s only; take at most that"
 
 
 def _beyond(name: str, value: float) -> str:
     """Return the fault of a setting beyond its range; empty within."""
     dimension, least, most = LIMITS[name]
     return "" if least <= value <= most else f"must be {least:g} to {most:g} {dimension.unit}"
-
-
-def _rate_problems(rate: float, own: float) -> Iterator[str]:
-    if rate > own * (1.0 + ROUNDING):
-        yield f"rate = {rate:g} 1/s: what it samples has {own:g} 1/s only; take at most that"
 
 
 def _run_problems(run: xr.Dataset, chosen: Monitoring) -> Iterator[str]:
@@ -310,20 +308,16 @@ def _run_problems(run: xr.Dataset, chosen: Monitoring) -> Iterator[str]:
             "drive_current: is missing; take a throw whose drives are machines "
             "(turnout simulate --set drive.1.machine=...), or that of turnout machine run"
         )
-    own = [*_own_problems(chosen)]
-    yield from own
     count = run.sizes.get("time", 0)
+    step = float(run["time"][-1] - run["time"][0]) / (count - 1) if count > 1 else 0.0
+    yield from _own_problems(chosen, 1.0 / step if step else math.inf)
     if count < 2:
         yield f"time: the run has {count} instants; a window needs at least 2"
-    elif not own:
-        time = run["time"].values
-        step = float(time[-1] - time[0]) / (count - 1)
-        yield from _rate_problems(chosen.rate, 1.0 / step)
-        if count * step * chosen.rate < 1.0 - ROUNDING:
-            yield (
-                f"rate = {chosen.rate:g} 1/s: the run is shorter than one window, "
-                f"{count * step:g} of {1.0 / chosen.rate:g} s"
-            )
+    elif 0.0 < count * step * chosen.rate < 1.0 - ROUNDING:
+        yield (
+            f"rate = {chosen.rate:g} 1/s: the run is shorter than one window, "
+            f"{count * step:g} of {1.0 / chosen.rate:g} s"
+        )
 
 
 def _group_problems(

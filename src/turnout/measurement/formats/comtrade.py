@@ -152,13 +152,7 @@ def _samples(found: _Configuration, data: bytes) -> tuple[NDArray[np.float64], N
     if not width:
         message = f"its data are of the unknown kind '{found.kind}'"
         raise ValueError(message)
-    row = np.dtype(
-        [
-            ("n", "<u4"),
-            ("t", "<u4"),
-            ("v", width, (count,)),
-            ("d", "<u2", (-(-found.digital // 16),)),
-        ]
-    )
+    states = ("d", "<u2", (-(-found.digital // 16),))
+    row = np.dtype([("n", "<u4"), ("t", "<u4"), ("v", width, (count,)), states])
     held = np.frombuffer(data[: len(data) // row.itemsize * row.itemsize], row)
     return held["t"].astype(np.float64), held["v"].astype(np.float64)

@@ -361,23 +361,18 @@ def _name_axes(table: Table) -> None:
         column, values = table.columns[place], table.values[place]
         given = values[: count_filled(values)]
         letter, rises = len(squeezed(column.name)) == 1, place == 0 and rises_evenly(given)
+        timed = is_time_unit(column.unit)
         named = is_time_name(column.name) or (rises and is_time_word(column.name))
+        by_unit = timed and (rises or is_abscissa_name(column.name))
+        beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
         if (
-            not named
-            and place not in days
-            and not (is_time_unit(column.unit) and (rises or is_abscissa_name(column.name)))
+            not (named or by_unit or place in days)
+            or (letter and column.unit and not timed)
+            or is_numbered_channel(column.name, given, unit=column.unit, beside=beside)
+            or (letter and not timed and not may_be_time(given, column.name, rate=single))
         ):
             continue
-        if letter and column.unit and not is_time_unit(column.unit):
-            continue
-        beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
-        if is_numbered_channel(column.name, given, unit=column.unit, beside=beside):
-            continue
-        bare = letter and not is_time_unit(column.unit)
-        if bare and not may_be_time(given, column.name, rate=single):
-            continue
-        index = counts_throws(given) or _counts_with_holes(given)
-        if rate is not None and not is_time_unit(column.unit) and index:
+        if rate is not None and not timed and (counts_throws(given) or _counts_with_holes(given)):
             continue  # an index beside a rate
         try:
             unit = "d" if place in days else column.unit

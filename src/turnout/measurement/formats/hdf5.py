@@ -259,13 +259,12 @@ class _Found:
         """Take the rates that the file and its groups state for all they hold."""
         folders = {"": file}
         for name in [*self.arrays, *self.units]:
-            parts = name.split("/")[:-1]
-            for count in range(1, len(parts) + 1):
-                folders["/".join(parts[:count]) + "/"] = file["/".join(parts[:count])]
+            for end in (place for place, letter in enumerate(name) if letter == "/"):
+                folders[name[: end + 1]] = file[name[:end]]
         for folder, group in folders.items():
             rate = stated_clock(_attributes(group)).rate()
-            if rate is not None and f"{folder}sample_rate" not in self.arrays:
-                self.arrays[f"{folder}sample_rate"] = np.array(rate[0])
+            if rate is not None:
+                self.arrays.setdefault(f"{folder}sample_rate", np.array(rate[0]))
 
 
 def _attributes(item: h5py.HLObject) -> dict[str, Any]:
@@ -310,11 +309,8 @@ def hdf5_bytes(recording: Recording) -> bytes:
             item = file.create_dataset(
                 key, data=channel.values, compression="gzip", compression_opts=1, shuffle=True
             )
-            item.attrs["name"] = channel.name
-            item.attrs["unit"] = channel.unit
-            item.attrs["rate"] = channel.rate
-            item.attrs["start"] = channel.start
-            item.attrs["description"] = channel.description
+            for name in ("name", "unit", "rate", "start", "description"):
+                item.attrs[name] = getattr(channel, name)
     return content.getvalue()
 
 

@@ -48,23 +48,20 @@ def read_json(path: Path) -> Recording | Table:
     try:
         held = json.loads(text)
     except json.JSONDecodeError as error:
-        held = _lines(text, path, error)
+        held = _rows_of_lines(text)
+        if len(held) < 2:
+            message = f"{path}: is no JSON (line {error.lineno}: {error.msg}); export it again"
+            raise FileError(message) from None
     with refused_of(path):
         return _found(path, held, StatedClock())
 
 
-def _lines(text: str, path: Path, error: json.JSONDecodeError) -> list[Any]:
-    """Return the rows of JSON lines."""
-    lines = [line for line in text.splitlines() if line.strip()]
+def _rows_of_lines(text: str) -> list[Any]:
+    """Return the rows of JSON lines; none if they are none."""
     try:
-        return [json.loads(line) for line in lines] if len(lines) > 1 else _none(path, error)
+        return [json.loads(line) for line in text.splitlines() if line.strip()]
     except json.JSONDecodeError:
-        return _none(path, error)
-
-
-def _none(path: Path, error: json.JSONDecodeError) -> list[Any]:
-    message = f"{path}: is no JSON (line {error.lineno}: {error.msg}); export it again"
-    raise FileError(message)
+        return []
 
 
 def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
@@ -75,12 +72,8 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
             _facts(held, stated, units)
         if table is not None:
             break
-        inner = (
-            [v for v in held.values() if isinstance(v, Mapping | list) and v]
-            if isinstance(held, Mapping)
-            else []
-        )
-        inner = [v for v in inner if _columns(v) is not None or _tables_in(v)]
+        inner = list(held.values()) if isinstance(held, Mapping) else []
+        inner = [v for v in inner if v and (_columns(v) is not None or _tables_in(v))]
         if len(inner) != 1:
             raise ValueError(_no_table(held))
         (held,) = inner
@@ -88,8 +81,9 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
         message = f"its table is nested deeper than {_LARGEST_DEPTH}"
         raise ValueError(message)
     if isinstance(held, list) and (channels := _channels(held, stated, str(path))):
-        start_time = stated.start_time
-        return assemble_recording(channels, source=str(path), start_time=start_time, remedy=NO_TIME)
+        return assemble_recording(
+            channels, source=str(path), start_time=stated.start_time, remedy=NO_TIME
+        )
     named = not all(name.isdigit() for name in table)
     columns = []
     for name, cells in table.items():
@@ -139,12 +133,8 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
         if len(held) > 1 and all(isinstance(row, list) for row in held):
             if all(isinstance(cell, str) for cell in held[0]):
                 return _by_rows(held[0], held[1:])
-            same = len({len(row) for row in held}) == 1 and all(map(_are_numbers, held))
-            return (
-                {str(n): _cells(list(c)) for n, c in enumerate(zip(*held, strict=True))}
-                if same
-                else None
-            )
+            if len({len(row) for row in held}) == 1 and all(map(_are_numbers, held)):
+                return {str(n): _cells(list(c)) for n, c in enumerate(zip(*held, strict=True))}
         return None
     if not isinstance(held, Mapping):
         return None
@@ -156,10 +146,9 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
     if flat and len({len(v) for v in flat.values()}) == 1:
         return {key: _cells(values) for key, values in flat.items()}
     inner = [value for value in held.values() if isinstance(value, Mapping) and len(value) > 1]
-    if 1 < len(inner) == len(held) and len({tuple(value) for value in inner}) == 1:
-        cells = [cell for value in inner for cell in value.values()]
-        if not any(isinstance(cell, Mapping | list | str) for cell in cells):
-            return {str(name): _cells(list(value.values())) for name, value in held.items()}
+    plain = not any(isinstance(c, Mapping | list | str) for v in inner for c in v.values())
+    if plain and 1 < len(inner) == len(held) and len({tuple(value) for value in inner}) == 1:
+        return {str(name): _cells(list(value.values())) for name, value in held.items()}
     return None
 
 

@@ -27,8 +27,7 @@ from turnout.measurement.formats.hdf5 import Content, read_hdf5
 from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays, stated_clock
 from turnout.measurement.recording import Recording
 
-# Lists that a file written here has beside its vectors, an entry a channel.
-LISTS = ("variables", "names", "units", "descriptions")
+# Of lists that a file written here has beside its vectors, an entry a channel.
 _PREFIX = "channel_"
 
 
@@ -107,17 +106,13 @@ def mat_bytes(recording: Recording) -> bytes:
     """
     channels = list(recording.channels.values())
     variables = _variables([channel.name for channel in channels])
-    content: dict[str, Any] = {
-        f"{_PREFIX}variables": _cells(variables),
-        f"{_PREFIX}names": _cells([channel.name for channel in channels]),
-        f"{_PREFIX}units": _cells([channel.unit for channel in channels]),
-        f"{_PREFIX}descriptions": _cells([channel.description for channel in channels]),
-        f"{_PREFIX}rates": np.array([channel.rate for channel in channels]),
-        f"{_PREFIX}starts": np.array([channel.start for channel in channels]),
-        "start_time": recording.start_time or "",
-    }
-    for variable, channel in zip(variables, channels, strict=True):
-        content[variable] = channel.values
+    content: dict[str, Any] = {f"{_PREFIX}variables": _cells(variables)}
+    for key in ("name", "unit", "description"):
+        content[f"{_PREFIX}{key}s"] = _cells([getattr(channel, key) for channel in channels])
+    for key in ("rate", "start"):
+        content[f"{_PREFIX}{key}s"] = np.array([getattr(channel, key) for channel in channels])
+    content["start_time"] = recording.start_time or ""
+    content |= {name: item.values for name, item in zip(variables, channels, strict=True)}
     file = io.BytesIO()
     savemat(file, content, format="5", oned_as="column", long_field_names=True)  # type: ignore[arg-type]
     return file.getvalue()
@@ -208,22 +203,18 @@ def _own_variable(
 ) -> list[FileColumn]:
     """Read variables written by `mat_bytes`."""
     variables = texts[f"{_PREFIX}variables"]
-    names, units, descriptions = (
-        [*texts.get(f"{_PREFIX}{key}", []), *[""] * len(variables)] for key in LISTS[1:]
+    described = (
+        [*texts.get(f"{_PREFIX}{key}", []), *[""] * len(variables)]
+        for key in ("names", "units", "descriptions")
     )
-    rates = np.ravel(arrays[f"{_PREFIX}rates"])
-    starts = np.ravel(arrays.get(f"{_PREFIX}starts", np.zeros(len(variables))))
+    rates = np.ravel(arrays[f"{_PREFIX}rates"]).tolist()
+    starts = np.ravel(arrays.get(f"{_PREFIX}starts", np.zeros(len(variables)))).tolist()
     return [
-        FileColumn(
-            names[number] or variable,
-            np.ravel(arrays[variable]),
-            units[number],
-            descriptions[number],
-            rate=float(rates[number]),
-            start=float(starts[number]),
+        FileColumn(name or variable, np.ravel(arrays[variable]), unit, text, None, rate, start)
+        for variable, name, unit, text, rate, start in zip(
+            variables, *described, rates, starts, strict=False
         )
-        for number, variable in enumerate(variables)
-        if variable in arrays and number < min(rates.size, starts.size)
+        if variable in arrays
     ]
 
 

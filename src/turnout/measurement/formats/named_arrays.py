@@ -70,32 +70,30 @@ def columns_of_arrays(
     """
     units, labels, problems = units or {}, labels or {}, list[str]()
     flat = {name: _vector(array) for name, array in arrays.items()}
-    stated = _stated_clocks(
-        {
-            k: v[0]
-            for k, v in flat.items()
-            if v is not None and v.size == 1 and v.dtype.kind in "biuf"
-        }
-        | {k: v[0] for k, v in texts.items() if len(v) == 1}
-    )
+    numbers = {k: v for k, v in flat.items() if v is not None and v.dtype.kind in "biuf"}
+    single = {name: vector[0] for name, vector in numbers.items() if vector.size == 1}
+    stated = _stated_clocks(single | {k: v[0] for k, v in texts.items() if len(v) == 1})
     times: dict[str, TimeAxis] = {}
     named = {name for name, a in arrays.items() if _is_time(name) or a.dtype.kind in "mM"}
     for name, vector in flat.items():
-        if vector is not None and vector.dtype.kind in "mM":
-            try:
-                times[name] = moments_axis(vector)
-            except ValueError as error:
-                problems.append(f"array '{name}' is not used as time: {error}")
-        elif vector is not None and vector.size > 1 and name in named:
-            if not _holds_time(name, vector, units.get(name, ""), _clock_of(name, stated)):
-                named.discard(name)
-                continue
-            try:
-                bare, own = split_unit(_last(name))
-                unit = units.get(name, "") or own
-                times[name] = numeric_axis(vector.astype(np.float64), name=bare, unit=unit)
-            except ValueError as error:
-                problems.append(f"array '{name}' is not used as time: {error}")
+        if vector is None or name not in named:
+            continue
+        moments = vector.dtype.kind in "mM"
+        bare, own = split_unit(_last(name))
+        unit = units.get(name, "") or own
+        if not moments and vector.size < 2:
+            continue
+        if not moments and not _holds_time(bare, vector, unit, _clock_of(name, stated)):
+            named.discard(name)
+            continue
+        try:
+            times[name] = (
+                moments_axis(vector)
+                if moments
+                else numeric_axis(vector.astype(np.float64), name=bare, unit=unit)
+            )
+        except ValueError as error:
+            problems.append(f"array '{name}' is not used as time: {error}")
     for name, items in texts.items():
         if len(items) > 1 and _is_time(name) and all(map(is_stamp, items)):
             times[name] = stamps_axis(items)
@@ -191,10 +189,8 @@ def _is_time(name: str) -> bool:
     return is_time_name(split_unit(last)[0]) or re.match(r"Data\d+_time_", last) is not None
 
 
-def _holds_time(name: str, values: NDArray[Any], unit: str, clock: StatedClock | None) -> bool:
+def _holds_time(bare: str, values: NDArray[Any], unit: str, clock: StatedClock | None) -> bool:
     """Return False for a vector called t, T or Tempo 1 that holds something else."""
-    bare, own = split_unit(_last(name))
-    unit = unit or own
     if is_numbered_channel(bare, values.astype(np.float64), unit=unit):
         return False
     if len(bare) > 1 or is_time_unit(unit) or " since " in unit:

@@ -168,12 +168,7 @@ def read_tdms(path: Path) -> Recording:
         for group in groups:
             prefix = f"{group.name}/" if len(groups) > 1 else ""
             columns += _tdms_group(group, prefix, {**file.properties}, problems, str(path))
-    return assemble_recording(
-        columns,
-        source=str(path),
-        problems=problems,
-        remedy=NO_TDMS_TIME,
-    )
+    return assemble_recording(columns, source=str(path), problems=problems, remedy=NO_TDMS_TIME)
 
 
 def _tdms_group(
@@ -202,15 +197,12 @@ def _tdms_group(
             continue
         if rate is None or values.dtype.kind == "M":
             bare, unit = named_unit(channel.name, unit)
-            column = TableColumn(bare, values, unit, described[1])
-            tables.setdefault(values.size, []).append(column)
+            tables.setdefault(values.size, []).append(TableColumn(bare, values, unit, described[1]))
             continue
-        begin = (
-            moments_axis(np.array([own["wf_start_time"]], "M8[us]")).begin if _dated(own) else None
-        )
-        columns.append(
-            FileColumn(name, values, *described, rate=rate[0], start=clock.start, begin=begin)
-        )
+        column = FileColumn(name, values, *described, rate=rate[0], start=clock.start)
+        if isinstance(moment := own.get("wf_start_time"), np.datetime64):
+            column = replace(column, begin=moments_axis(np.array([moment], "M8[us]")).begin)
+        columns.append(column)
     stated = {**properties, **group.properties}
     for inner_columns in tables.values():
         table = Table(inner_columns, _tdms_clock(stated), source, remedy=NO_TDMS_TIME, alone=False)
@@ -221,10 +213,6 @@ def _tdms_group(
 
 
 _TDMS_TEXTS = ("wf_start_time", "description", "unit_string", "NI_ChannelName")
-
-
-def _dated(properties: Any) -> bool:
-    return isinstance(properties.get("wf_start_time"), np.datetime64)
 
 
 def _tdms_clock(properties: dict[str, Any], *, own: bool = False) -> StatedClock:
@@ -274,15 +262,11 @@ def read_uff(path: Path) -> Recording:
         name = str(item.get("id1", "")).strip()
         name = name if name not in ("", "NONE") else f"record {number}"
         over_time = item.get("abscissa_spec_data_type") in (OVER_TIME, 0)
-        if (
-            item.get("func_type") not in TIME_RESPONSE
-            or not over_time
-            or np.iscomplexobj(item["data"])
-        ):
+        over_time &= item.get("func_type") in TIME_RESPONSE
+        if not over_time or np.iscomplexobj(item["data"]):
             problems.append(f"channel '{name}' is left out: it is no time history")
             continue
-        unit = tidy_unit(str(item.get("ordinate_axis_units_lab", "")).strip())
-        unit = "" if unit.upper() == "NONE" else unit
+        unit = tidy_unit(str(item.get("ordinate_axis_units_lab", "")))
         label = str(item.get("abscissa_axis_units_lab", "")).strip()
         factor = seconds_of(label) if is_time_unit(label) else 1.0
         time = factor * np.asarray(item["x"], dtype=np.float64)
