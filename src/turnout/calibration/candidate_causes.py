@@ -337,7 +337,8 @@ def candidate_causes(
 ) -> tuple[Cause, ...]:
     """Return the causes that are tested, the cheap ones first; of objects, those of movements."""
     known = {item.name for item in parameters}
-    found = [*_recorders(), *_bushings(panel), *_tables(panel), *_clutches(panel, known)]
+    tables = [_table(panel, name) for name in panel.drive]
+    found = [*_recorders(), *_bushings(panel), *tables, *_clutches(panel, known)]
     found += [law for name in panel.drive for law in (_lag(name), *_drive_tables(panel, name))]
     if MODULUS not in known:
         found += _sections(panel)
@@ -367,9 +368,25 @@ def _objects(movements: Sequence[MeasuredMovement]) -> list[Cause]:
     ]
 
 
-def _linear(name: str, upper: float, unit: str, *, lower: float = 0.0) -> Parameter:
+def _linear(
+    name: str,
+    upper: float,
+    unit: str,
+    *,
+    lower: float = 0.0,
+    start: float = 0.0,
+    prior: float = 0.0,
+) -> Parameter:
+    """Return a size of a cause, which no key of the panel has."""
     return Parameter(
-        name=name, keys=(), start=0.0, lower=lower, upper=upper, unit=unit, transform="linear"
+        name=name,
+        keys=(),
+        start=start,
+        lower=lower,
+        upper=upper,
+        unit=unit,
+        transform="linear",
+        prior=prior,
     )
 
 
@@ -424,14 +441,10 @@ def _recorder_cause(
     def shape(response: Response, values: Mapping[str, float]) -> Response:
         if response.failure or values[key] <= LEAST_DELAY:
             return response
-        kept = made(values[key])
-        return replace(
-            response,
-            drive_force={
-                name: kept.applied(response.time, row) for name, row in response.drive_force.items()
-            },
-            object_force=kept.applied(response.time, response.object_force),
-        )
+        kept, time = made(values[key]), response.time
+        forces = {name: kept.applied(time, row) for name, row in response.drive_force.items()}
+        pressed = kept.applied(time, response.object_force)
+        return replace(response, drive_force=forces, object_force=pressed)
 
     return Cause(
         name="recorder filter",
@@ -445,52 +458,60 @@ def _recorder_cause(
     )
 
 
-def _bushings(panel: LoadedPanel) -> list[Cause]:
-    groups: dict[str, tuple[str, ...]] = {
-        f"drive.{name}.soft_travel": (name,) for name in panel.drive
-    }
-    if len(panel.drive) > 1:
-        groups["drive.soft_travel"] = tuple(panel.drive)
-    found = []
-    for key, drives in groups.items():
-        which = f"drive {drives[0]}" if len(drives) == 1 else "all drives"
-
-        def law(
-            values: Mapping[str, float], key: str = key, drives: tuple[str, ...] = drives
-        ) -> dict[str, object]:
-            made: dict[str, object] = {}
-            for drive in drives:
-                made |= soft_bushing(
-                    panel, drive, values, travel=values[key], softness=values[f"{key}.softness"]
-                )
-            return made
-
-        def beside(
-            values: Mapping[str, float], sizes: Sequence[float], drives: tuple[str, ...] = drives
-        ) -> dict[str, float]:
-            return {
-                stiffness_key(drive): stiffness_beyond(panel, drive, values, travel=sizes[0])
-                for drive in drives
-                if stiffness_key(drive) in values
-            }
-
-        found.append(
-            Cause(
-                name="bushing shape",
-                text=lambda sizes, which=which: (  # type: ignore[misc]
-                    f"the bushing of {which} has {100 * np.exp(-sizes[1]):.0f} % of its stiffness "
-                    f"over its first {1e3 * sizes[0]:.2g} mm"
-                ),
-                parameters=(_linear(key, 0.01, "m"), _softness(f"{key}.softness")),
-                tries=SOFT_TRAVELS,
-                least=1e-4,
-                group=_first_travel(drives),
-                drives=drives,
-                beside=beside,
-                law=law,
-            )
+def _stiffer_beyond(
+    panel: LoadedPanel,
+    drives: Sequence[str],
+    values: Mapping[str, float],
+    *,
+    travel: float,
+    softness: float = SOFTNESS,
+) -> dict[str, float]:
+    """Return the stiffnesses among the values that leave the stretch of soft bushings as it is."""
+    return {
+        stiffness_key(drive): stiffness_beyond(
+            panel, drive, values, travel=travel, softness=softness
         )
-    return found
+        for drive in drives
+        if stiffness_key(drive) in values
+    }
+
+
+def _bushings(panel: LoadedPanel) -> list[Cause]:
+    """Return bushings that are soft over their first travel: of each drive, and of all alike."""
+    groups: list[tuple[str, tuple[str, ...]]] = [
+        (f"drive.{name}.soft_travel", (name,)) for name in panel.drive
+    ]
+    if len(panel.drive) > 1:
+        groups.append(("drive.soft_travel", tuple(panel.drive)))
+    return [_soft_at_first(panel, key, drives) for key, drives in groups]
+
+
+def _soft_at_first(panel: LoadedPanel, key: str, drives: tuple[str, ...]) -> Cause:
+    which = f"drive {drives[0]}" if len(drives) == 1 else "all drives"
+    softness = f"{key}.softness"
+
+    def law(values: Mapping[str, float]) -> dict[str, object]:
+        made: dict[str, object] = {}
+        for drive in drives:
+            made |= soft_bushing(
+                panel, drive, values, travel=values[key], softness=values[softness]
+            )
+        return made
+
+    return Cause(
+        name="bushing shape",
+        text=lambda sizes: (
+            f"the bushing of {which} has {100 * np.exp(-sizes[1]):.0f} % of its stiffness "
+            f"over its first {1e3 * sizes[0]:.2g} mm"
+        ),
+        parameters=(_linear(key, 0.01, "m"), _softness(softness)),
+        tries=SOFT_TRAVELS,
+        least=1e-4,
+        group=_first_travel(drives),
+        drives=drives,
+        beside=lambda values, sizes: _stiffer_beyond(panel, drives, values, travel=sizes[0]),
+        law=law,
+    )
 
 
 def _first_travel(drives: Sequence[str]) -> str:
@@ -498,49 +519,31 @@ def _first_travel(drives: Sequence[str]) -> str:
     return f"first travel of {drives[0]}" if len(drives) == 1 else ""
 
 
-def _softness(key: str) -> Parameter:
-    return Parameter(
-        name=key,
-        keys=(),
-        start=SOFTNESS,
-        lower=-1.0,
-        upper=4.0,
-        unit="1",
-        transform="linear",
-        prior=SOFTNESS_SPREAD,
+def _softness(key: str, *, lower: float = -1.0) -> Parameter:
+    return _linear(key, 4.0, "1", lower=lower, start=SOFTNESS, prior=SOFTNESS_SPREAD)
+
+
+def _table(panel: LoadedPanel, drive: str) -> Cause:
+    """Return a bushing whose first millimetres have stiffnesses of their own, as a table."""
+    keys = tuple(f"drive.{drive}.softness.{number}" for number, _ in enumerate(TABLE_ENDS, 1))
+
+    def text(sizes: Sequence[float]) -> str:
+        shares = ", ".join(f"{100 * np.exp(-size):.0f}" for size in sizes)
+        ends = ", ".join(f"{1e3 * end:g}" for end in TABLE_ENDS)
+        return f"the bushing of drive {drive} has {shares} % of its stiffness up to {ends} mm"
+
+    return Cause(
+        name="bushing shape",
+        text=text,
+        parameters=tuple(_linear(key, 3.0, "1", lower=-3.0, prior=TABLE_SPREAD) for key in keys),
+        tries=(0.2,) * len(keys),
+        smooth=True,
+        least=0.1,
+        drives=(drive,),
+        law=lambda values: bushing_table(
+            panel, drive, values, softness=[values[key] for key in keys]
+        ),
     )
-
-
-def _tables(panel: LoadedPanel) -> list[Cause]:
-    """Return bushings whose first millimetres have stiffnesses of their own, as tables."""
-    found = []
-    for drive in panel.drive:
-        keys = tuple(f"drive.{drive}.softness.{number}" for number, _ in enumerate(TABLE_ENDS, 1))
-
-        def law(
-            values: Mapping[str, float], drive: str = drive, keys: tuple[str, ...] = keys
-        ) -> dict[str, object]:
-            return bushing_table(panel, drive, values, softness=[values[key] for key in keys])
-
-        def text(sizes: Sequence[float], drive: str = drive) -> str:
-            shares = ", ".join(f"{100 * np.exp(-size):.0f}" for size in sizes)
-            ends = ", ".join(f"{1e3 * end:g}" for end in TABLE_ENDS)
-            return f"the bushing of drive {drive} has {shares} % of its stiffness up to {ends} mm"
-
-        parameters = [_linear(key, 3.0, "1", lower=-3.0) for key in keys]
-        found.append(
-            Cause(
-                name="bushing shape",
-                text=text,
-                parameters=tuple(replace(item, prior=TABLE_SPREAD) for item in parameters),
-                tries=(0.2,) * len(keys),
-                smooth=True,
-                least=0.1,
-                drives=(drive,),
-                law=law,
-            )
-        )
-    return found
 
 
 def _lag(drive: str) -> Cause:
@@ -561,16 +564,6 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
     """Return play before a drive pushes, and a bushing that softens before the drive slips."""
     play, knee = f"drive.{drive}.play", f"drive.{drive}.knee"
 
-    def beside(values: Mapping[str, float], sizes: Sequence[float]) -> dict[str, float]:
-        if stiffness_key(drive) not in values:
-            return {}
-        # The bushing is stretched by half of the play less.
-        beyond = stiffness_beyond(
-            panel, drive, values, travel=0.5 * sizes[0], softness=float("inf")
-        )
-        return {stiffness_key(drive): beyond}
-
-    softened = replace(_softness(f"{knee}.softness"), lower=0.0)
     return [
         Cause(
             name="drive law",
@@ -582,7 +575,10 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
             least=LEAST_PLAY,
             group=_first_travel((drive,)),
             drives=(drive,),
-            beside=beside,
+            # The bushing is stretched by half of the play less.
+            beside=lambda values, sizes: _stiffer_beyond(
+                panel, (drive,), values, travel=0.5 * sizes[0], softness=float("inf")
+            ),
             law=lambda values: bushing(
                 panel,
                 drive,
@@ -596,7 +592,7 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
                 f"the bushing of drive {drive} softens to {100 * np.exp(-sizes[1]):.0f} % over the "
                 f"last {100 * sizes[0]:.0f} % of force before it slips"
             ),
-            parameters=(_linear(knee, 0.8, "1"), softened),
+            parameters=(_linear(knee, 0.8, "1"), _softness(f"{knee}.softness", lower=0.0)),
             tries=(0.15, 0.4),
             least=LEAST_KNEE,
             drives=(drive,),
@@ -704,20 +700,17 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
         parts = [f"{round(100 * (known[names[0]] - 1.0)):+d}" for names in groups]
         return f"friction differs by {', '.join(parts)} % of its mean from toe to heel"
 
-    spread = [replace(_linear(key, 0.9, "1", lower=-0.9), prior=CHAIR_SPREAD) for key in keys]
-    found = [
-        Cause(
-            name="friction by chair",
-            text=text,
-            parameters=tuple(spread),
-            tries=(0.1,) * count,
-            smooth=True,
-            least=0.05,
-            about_mean=True,
-            law=law,
-        )
-    ]
-    return found if count > 1 else []
+    found = Cause(
+        name="friction by chair",
+        text=text,
+        parameters=tuple(_linear(k, 0.9, "1", lower=-0.9, prior=CHAIR_SPREAD) for k in keys),
+        tries=(0.1,) * count,
+        smooth=True,
+        least=0.05,
+        about_mean=True,
+        law=law,
+    )
+    return [found] if count > 1 else []
 
 
 def fitted_causes(panel: LoadedPanel, parameters: Sequence[Fitted]) -> tuple[Cause, ...]:
