@@ -7,7 +7,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from turnout.calibration.validation.acceptance import FEATURES, Acceptance
+from turnout.calibration.validation.acceptance import FEATURES, Acceptance, ChannelResult
 from turnout.core.value_text import count_text
 
 
@@ -24,13 +24,7 @@ def acceptance_lines(verdict: Acceptance) -> list[str]:
         f"{'cover':>7}{'least':>7}{'contact':>12}{'slope':>12}{'peak':>14}{'plateau':>14}"
     ]
     for item in verdict.channels:
-        errors = item.errors
-        cells = (
-            _pair(errors["contact"], 1e3, "ms"),
-            _pair(errors["slope"], 1e2, "%"),
-            _pair(errors["peak"], 1.0, "N"),
-            _pair(errors["plateau"], 1.0, "N"),
-        )
+        cells = _error_cells(item)
         lines.append(
             f"{item.channel:<10}{item.movements:>10}{item.rms:>6.0f} N{100 * item.nrmse:>6.1f} %"
             f"{item.spread:>7.0f} N{item.spreads:>7.1f}{100 * item.cover:>5.0f} %"
@@ -47,14 +41,26 @@ def acceptance_lines(verdict: Acceptance) -> list[str]:
     return lines
 
 
-def _pair(error: tuple[float, float], factor: float, unit: str) -> str:
-    if not np.isfinite(error[0]):
-        return "-"
-    mean = round(factor * error[0]) + 0
-    return f"{mean:+d} ± {factor * error[1]:.0f} {unit}"
+# Of features: factor from SI to the unit that is shown, that unit, and the SI unit.
+_UNITS = {
+    "contact": (1e3, "ms", "s"),
+    "slope": (1e2, "%", "N/s"),
+    "peak": (1.0, "N", "N"),
+    "plateau": (1.0, "N", "N"),
+}
 
 
-_UNITS = {"contact": "s", "slope": "N/s", "peak": "N", "plateau": "N"}
+def _error_cells(item: ChannelResult) -> list[str]:
+    """Return mean and standard deviation of the error of each feature, as it is shown."""
+    cells = []
+    for name, (factor, unit, _) in _UNITS.items():
+        mean, deviation = item.errors[name]
+        if not np.isfinite(mean):
+            cells.append("-")
+            continue
+        # Adding zero turns a negative zero into a plain one.
+        cells.append(f"{round(factor * mean) + 0:+d} ± {factor * deviation:.0f} {unit}")
+    return cells
 
 
 def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]) -> str:
@@ -87,12 +93,7 @@ def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]
     ]
     lines += ["", "Predicted less measured, mean ± standard deviation:", ""]
     lines += ["| channel | contact | build-up | peak | plateau |", "|---|---|---|---|---|"]
-    lines += [
-        f"| {item.channel} | {_cell(item.errors['contact'], 1e3, 'ms')} | "
-        f"{_cell(item.errors['slope'], 1e2, '%')} | {_cell(item.errors['peak'], 1.0, 'N')} | "
-        f"{_cell(item.errors['plateau'], 1.0, 'N')} |"
-        for item in verdict.channels
-    ]
+    lines += [f"| {' | '.join([item.channel, *_error_cells(item)])} |" for item in verdict.channels]
     judged = count_text(verdict.judged, "movement")
     lines += ["", f"{judged} judged; the fit has seen {verdict.used}.", ""]
     lines += [f"From throw to throw: {scatter_text(validation)}.", ""]
@@ -169,7 +170,7 @@ def table_text(validation: xr.Dataset) -> str:
     table.writerow(
         ["movement", "direction", "size [m]", "place", "used", "channel", "rms [N]", "nrmse [-]"]
         + ["repeat_spread [N]", "cover [-]"]
-        + [f"{name}_{side} [{_UNITS[name]}]" for name, side in pairs]
+        + [f"{name}_{side} [{_UNITS[name][2]}]" for name, side in pairs]
     )
     for number in range(validation.sizes["movement"]):
         for row in range(validation.sizes["channel"]):
@@ -183,9 +184,3 @@ def table_text(validation: xr.Dataset) -> str:
             cells = ["" if np.isnan(float(v)) else f"{float(v):.6g}" for v in values]
             table.writerow([*head, one["channel"].item(), *cells])
     return content.getvalue()
-
-
-def _cell(error: tuple[float, float], factor: float, unit: str) -> str:
-    if not np.isfinite(error[0]):
-        return "-"
-    return f"{factor * error[0]:+.0f} ± {factor * error[1]:.0f} {unit}"
