@@ -28,6 +28,7 @@ from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.solver import energy, march, solve, state
 from turnout.solver.arrange import arrange, prepare, set_up_run
 from turnout.solver.columns import update_row
+from turnout.solver.record import SavePlan
 from turnout.solver.start import start_at_rest
 from turnout.solver.state import COUNT_FLIPS, COUNT_ITERATIONS, Run, State
 
@@ -76,7 +77,9 @@ def marched(
     positions = marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]
     with one_blas_thread():
         positions = positions.T.copy()
-        run, state = prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, times.size))
+        run, state = prepare(
+            set_up_run(arrange(mechanism, scheme), scheme, positions, SavePlan(times.size))
+        )
         start_at_rest(run, state, mechanism)
         began = time.perf_counter()
         spaced = run._replace(options=run.options._replace(stride=stride))

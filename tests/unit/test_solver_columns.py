@@ -26,7 +26,7 @@ from turnout.solver.columns import (
 )
 from turnout.solver.condense import Block, BlockModel, folded_stiffness, leading_rows, sum_at_rows
 from turnout.solver.modal import LinearSystem, diagonalise_damping, split_modes
-from turnout.solver.record import empty_record
+from turnout.solver.record import SavePlan, empty_record
 from turnout.solver.solve import gather_modes, solve_displacements
 from turnout.solver.state import (
     COUNT_FLIPS,
@@ -139,7 +139,7 @@ def setup(cutoff_modes: int, seed: int) -> Setup:
     system = condensed_system(parts, given)
     table = shared_record(place_laws(given, system.row_place))
     state = fresh_state(system, table, n_inputs=len(DRIVEN), levels=2)
-    record = empty_record(system, table, 1, velocity=False)
+    record = empty_record(system, table, SavePlan(1))
     beside = shared_record(no_obstructions()), shared_record(no_courses())
     run = Run(system, table, new_work(system, table), OPTIONS, np.zeros((1, 2)), record, *beside)
     assemble_level(run, state, 0, INERTIA, VISCOSITY)

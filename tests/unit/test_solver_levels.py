@@ -20,6 +20,7 @@ from turnout.solver.arrange import (
 )
 from turnout.solver.columns import READY, STALE
 from turnout.solver.march import switch_level
+from turnout.solver.record import SavePlan
 from turnout.solver.state import Run, State
 
 PANEL = load_panel("sb2")  # its records are known by identity
@@ -44,7 +45,7 @@ def prepared(place: str, *, scheme: Scheme = QUICK, instants: int = 3) -> Prepar
     objects = resolve_objects(PANEL, (ForeignObject("13 mm", place),))
     mechanism = build_mechanism(PANEL, objects)
     arrangement = arrange(mechanism, scheme)
-    setup = set_up_run(arrangement, scheme, np.zeros((3, 2)), instants)
+    setup = set_up_run(arrangement, scheme, np.zeros((3, 2)), SavePlan(instants))
     return Prepared(arrangement, *prepare(setup))
 
 

@@ -12,6 +12,7 @@ from turnout.solver.arrange import arrange, prepare, set_up_run
 from turnout.solver.integration import integrate
 from turnout.solver.march import REST_TIME, STILL, is_at_rest, march, predict, step_factors
 from turnout.solver.outcome import Code
+from turnout.solver.record import SavePlan
 from turnout.solver.start import start_at_rest
 from turnout.solver.state import COUNT_ITERATIONS, COUNT_JOINING, UNSOLVED, Run, State
 
@@ -27,7 +28,9 @@ def ready(name: str = "sb1", *, change: Floats | float = 0.0) -> tuple[Run, Stat
     mechanism = build_mechanism(panel, ())
     times = SCHEME.step * np.arange(round(MOVES / SCHEME.step) + 1)
     positions = (marker_positions(panel, times) + marker_offsets(panel)[:, np.newaxis]).T + change
-    run, state = prepare(set_up_run(arrange(mechanism, SCHEME), SCHEME, positions, times.size))
+    run, state = prepare(
+        set_up_run(arrange(mechanism, SCHEME), SCHEME, positions, SavePlan(times.size))
+    )
     assert start_at_rest(run, state, mechanism) == Code.COMPLETE
     return run, state
 

@@ -14,7 +14,7 @@ from turnout.mechanism.mechanism import Mechanism
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 from turnout.solver.integration import History
-from turnout.solver.record import SaveAt, SeenRows
+from turnout.solver.record import SaveAt
 from turnout.study.study import Output
 from turnout.study.sweep import row as sweep_row
 from turnout.throw.simulate import solve_placed
@@ -28,9 +28,7 @@ def thrown(*, laws: Sequence[int] = (), stride: int = 0) -> History:
     objects = resolve_objects(panel, (ForeignObject("13 mm", "x = 3.1 m"),))
 
     def save_at(mechanism: Mechanism) -> SaveAt:
-        rows = np.zeros((0, mechanism.rows.shape[0]))
-        nothing = SeenRows(rows, np.zeros((0, 0)), rows, np.zeros(0))
-        return SaveAt(list(laws), stride, ENDS, (), 0, lambda rails: nothing)
+        return SaveAt(list(laws), stride, ENDS)
 
     solved = solve_placed(panel, objects, scheme=QUICK, save_at=save_at if stride else None)
     return solved.history
@@ -53,8 +51,7 @@ def test_forces_and_whole_instants_are_those_of_the_whole_history() -> None:
 def test_no_scheme_with_instants_between_its_steps_is_watched() -> None:
     scheme = Scheme.of("quick", output_interval=0.005)
     panel = load_panel("sb1")
-    save = SaveAt([0], 1, (), (), 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 3, np.zeros(0)))
-    history = solve_placed(panel, (), scheme=scheme, save_at=lambda mechanism: save).history
+    history = solve_placed(panel, (), scheme=scheme, save_at=lambda mechanism: SaveAt([0])).history
     assert history.watched is None
     assert history.time[-1] == pytest.approx(panel.schedule.end)
 

@@ -24,6 +24,7 @@ from turnout.panel.load import load_panel
 from turnout.solver.arrange import arrange, prepare, set_up_run
 from turnout.solver.integration import History, integrate
 from turnout.solver.march import march, store_instant
+from turnout.solver.record import SavePlan
 from turnout.solver.start import start_at_rest
 
 Floats = NDArray[np.float64]
@@ -153,7 +154,9 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     mode = "waveform" if step <= 1e-3 else "quick"
     scheme = Scheme.of(mode, step=step, output_interval=step)
     positions = np.zeros((count + 1, 2))
-    run, rail = prepare(set_up_run(arrange(mechanism, scheme), scheme, positions, count + 1))
+    run, rail = prepare(
+        set_up_run(arrange(mechanism, scheme), scheme, positions, SavePlan(count + 1))
+    )
     rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
     ends = [int(run.system.row_place[row]) for row in rows]
     rods, group, none = np.array(list(RODS.values())), group_of(pairs), np.zeros((2, 2))

@@ -448,37 +448,29 @@ class RunSetup:
         Lengths of steps, tolerances.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
-    n_stored : int
-        Instants of the record.
-    velocity : bool
-        Whether velocities are stored too.
     obstructions : Obstructions
         Laws with memory.
     courses : FrictionCourses
         Friction along the stroke.
-    save : SavePlan, optional
-        Which instants are stored whole and kept, and what is seen of these; default all of them.
+    save : SavePlan
+        Which instants are stored whole and kept, and what is seen of these.
     """
 
     arrangement: Arrangement
     table: LawTable
     options: Options
     positions: Floats
-    n_stored: int
-    velocity: bool
     obstructions: Obstructions
     courses: FrictionCourses
-    save: SavePlan | None
+    save: SavePlan
 
 
 def set_up_run(
     arrangement: Arrangement,
     scheme: Scheme,
     positions: Floats,
-    n_stored: int,
+    save: SavePlan,
     *,
-    filled_in: bool = False,
-    save: SavePlan | None = None,
     table: LawTable | None = None,
 ) -> RunSetup:
     """Set up a run.
@@ -491,11 +483,7 @@ def set_up_run(
         Step [s], spectral radius, tolerances and halvings.
     positions : ndarray, shape (n_steps + 1, n_inputs)
         Marker positions at the ends of the steps [m].
-    n_stored : int
-        Instants of the record.
-    filled_in : bool
-        Whether instants between the steps are wanted, which needs velocities.
-    save : SavePlan, optional
+    save : SavePlan
         As of `RunSetup`.
     table : LawTable, optional
         Laws by places, in place of those of the arrangement.
@@ -507,8 +495,6 @@ def set_up_run(
         table=table,
         options=Options.of(scheme),
         positions=positions,
-        n_stored=n_stored,
-        velocity=filled_in and scheme.inertia,
         obstructions=_set_up_obstructions(mechanism.obstructions, table),
         courses=_set_up_courses(mechanism.courses, arrangement.frame, table),
         save=save,
@@ -559,7 +545,7 @@ def prepare(setup: RunSetup) -> tuple[Run, State]:
 
     Their memory is that of a run before, where there is one.
     """
-    arrangement, table, count = setup.arrangement, setup.table, setup.n_stored
+    arrangement, table, save = setup.arrangement, setup.table, setup.save
     system, n_inputs = arrangement.system, setup.positions.shape[1]
     levels = setup.options.halvings + 2  # halvings, and no inertia
     fresh, kept = (
@@ -575,8 +561,8 @@ def prepare(setup: RunSetup) -> tuple[Run, State]:
         _vectors(state)[:], _vectors(work)[:] = fresh[n_inputs, levels]
         state.level_ready[:] = ready
     state.inputs[:] = setup.positions[0]
-    if record is None or record.q.shape[0] != count or setup.velocity or setup.save is not None:
-        record = empty_record(system, table, count, velocity=setup.velocity, plan=setup.save)
+    if record is None or record.q.shape[0] != save.count or save.velocity or save.watches:
+        record = empty_record(system, table, save)
     record.residual[:] = 0.0
     given = setup.options, setup.positions, record, setup.obstructions, setup.courses
     return Run(system, table, work, *given), state

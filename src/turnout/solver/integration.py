@@ -42,6 +42,7 @@ from turnout.solver.modal import ModalModel
 from turnout.solver.outcome import Code, Outcome, is_closed
 from turnout.solver.record import (
     SaveAt,
+    SavePlan,
     Watched,
     interpolate_record,
     kept_obstructions,
@@ -232,7 +233,7 @@ def plan_run(
     with one_blas_thread():
         grid = choose_grid(mechanism, scheme, end, waits)
         arrangement = arrange(mechanism, scheme)
-        plan = None
+        plan = SavePlan(grid.n_stored, velocity=grid.filled_in and scheme.inertia)
         if save_at is not None and not grid.filled_in:
             interval, further = scheme.step * grid.stride, 0
             if (machines := mechanism.machines) is not None:
@@ -245,8 +246,7 @@ def plan_run(
             positions = positions.copy()  # machines write to them, and throws may share them
         # before the table gets the dents that objects have already
         start = None if prior is None else plan_start(arrangement, scheme, prior)
-        given = arrangement, scheme, positions, grid.n_stored
-        setup = set_up_run(*given, filled_in=grid.filled_in, save=plan)
+        setup = set_up_run(arrangement, scheme, positions, plan)
         return RunPlan(scheme, inputs, grid, setup, start)
 
 
@@ -256,12 +256,6 @@ def _times(interval: float, count: int) -> Floats:
     times = interval * np.arange(count, dtype=np.float64)
     times.flags.writeable = False
     return times
-
-
-def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = None) -> History:
-    """Carry out a planned run, once; `report` is called with steps done and steps in all."""
-    with one_blas_thread():
-        return _carry_out(given, report)
 
 
 def _march_from_start(
@@ -283,7 +277,7 @@ def _march_from_start(
     def march(first: int, last: int) -> tuple[Code, int]:
         return _march_in_chunks(run, state, rods, (first, last, given.grid.n_steps), report)
 
-    ends = () if given.setup.save is None else given.setup.save.save.whole
+    ends = given.setup.save.save_at.whole
     return march_schedule(run, rods, given.grid, given.inputs, march, ends)
 
 
@@ -311,7 +305,9 @@ def _judge(
     )
 
 
-def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> History:
+@one_blas_thread()
+def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = None) -> History:
+    """Carry out a planned run, once; `report` is called with steps done and steps in all."""
     scheme, inputs, grid, setup = given.scheme, given.inputs, given.grid, given.setup
     arrangement, plan, stride = setup.arrangement, setup.save, grid.stride
     mechanism = arrangement.mechanism
@@ -319,13 +315,13 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     rods = new_rods(run, mechanism, scheme, grid.n_stored)
     code, done, pauses = _march_from_start(given, run, state, rods, report)
     kept = 0 if code in WITHOUT_START else done // stride + 1
-    booked = slice(kept) if plan is None else plan.places_of(2, kept)
+    booked = plan.rows(2, kept)
     balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
     machines = machine_history(run, rods, mechanism, kept, booked, pauses)
     if machines is not None:
         balance = machines.with_balance(*balance)
     outcome = _judge(run, state, mechanism, balance, (code, done))
-    record = trim_record(run.record, run.system, run.table, kept, plan)
+    record = trim_record(run, kept, plan)
     instants = _times(scheme.step * stride, grid.n_stored)[:kept]
     positions = setup.positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
@@ -342,12 +338,12 @@ def _carry_out(given: RunPlan, report: Callable[[int, int], None] | None) -> His
     placed = state.law_placed.copy()
     first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
     watched = None
-    if plan is not None:
-        if outcome.complete:
-            onsets = None if machines is None else machines.onsets
-            every = {"time": instants, "inputs": positions, "law_first": first}
-            watched = trim_watched(run.record, plan, onsets, **every, law_placed=placed)
-        whole = plan.whole(instants.size)
+    if plan.watches and outcome.complete:
+        onsets = None if machines is None else machines.onsets
+        every = {"time": instants, "inputs": positions, "law_first": first}
+        watched = trim_watched(run.record, plan, onsets, **every, law_placed=placed)
+    if not grid.filled_in:
+        whole = plan.whole(kept)
         instants, positions = instants[whole], positions[whole]
     give_back(arrangement, run, state)
     return History(

@@ -27,7 +27,7 @@ that they hold between the steps too.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Any
 
@@ -193,6 +193,12 @@ def store_seen(run: Run, state: State, kept: int) -> None:
     _add_rows(picked, record.friction_rows, to)
 
 
+def _nothing_seen(rails: CondensedRails) -> SeenRows:
+    """Return the weights of no rows."""
+    none = np.zeros((0, rails.row_stiffness.size))
+    return SeenRows(none, np.zeros((0, 0)), none, np.zeros(0))
+
+
 TIME_TOLERANCE = 1e-9
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
@@ -200,7 +206,7 @@ BALANCE_EVERY = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SaveAt:
-    """Instants of a run that are saved, and what of them.
+    """Instants of a run that are saved, and what of them, if not all are wanted whole.
 
     Attributes
     ----------
@@ -213,20 +219,20 @@ class SaveAt:
         The first stored instants from these times on are stored whole, and the last one [s].
     rests : sequence of float
         The last stored instants before these times are seen too, as the last one of all is [s].
-    taken : sequence of float
-        Those of `rests` that no wait for machines postpones; the others are onsets of movements.
     count : int
         Number of rows that are to be seen.
     seen : callable
-        Takes the condensed rails and returns the weights of these rows.
+        Takes the condensed rails and returns the weights of these rows; default none.
+    taken : sequence of float
+        Those of `rests` that no wait for machines postpones; the others are onsets of movements.
     """
 
-    laws: Sequence[int]
-    stride: int
-    whole: Sequence[float]
-    rests: Sequence[float]
-    count: int
-    seen: Callable[[CondensedRails], SeenRows]
+    laws: Sequence[int] = ()
+    stride: int = 1
+    whole: Sequence[float] = ()
+    rests: Sequence[float] = ()
+    count: int = 0
+    seen: Callable[[CondensedRails], SeenRows] = _nothing_seen
     taken: Sequence[float] = ()
 
 
@@ -270,40 +276,48 @@ class Watched:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SavePlan:
-    """Which stored instants have which place in a record.
+    """Which stored instants have which place in a record; by default each has its own.
 
-    `save` says what is wanted, `weights` are those of seen displacements. `places` are those of
-    `StepRecord`; of what is seen the instants that are wanted regularly come first. `counts` of
-    instants are stored whole, seen, and stored with energies, as the last one is; a run with
-    machines has places for `further` ones, which it gives as it goes on. `rests` are the numbers of
-    the instants of `Watched.rests`, by the schedule.
+    There are `count` of them, with velocities if these are wanted. `save_at` says what is kept,
+    `weights` are those of seen displacements. `places` are those of `StepRecord`; of what is seen
+    the instants that are wanted regularly come first. `counts` of instants are stored whole, seen,
+    and stored with energies, as the last one is; a run with machines has places for `further` ones,
+    which it gives as it goes on. `rests` are the numbers of the instants of `Watched.rests`, by the
+    schedule.
     """
 
-    save: SaveAt
-    weights: Weights
-    places: Ints
-    counts: tuple[int, int, int]
-    rests: Ints
+    count: int
+    velocity: bool = False
+    save_at: SaveAt = field(default_factory=SaveAt)
+    weights: Weights = field(default_factory=dict)
+    places: Ints = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+    counts: tuple[int, int, int] = (0, 0, 0)
+    rests: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     further: int = 0
 
-    def whole(self, count: int) -> Ints:
-        """Return which of the first `count` instants are stored whole."""
-        return np.flatnonzero(self.places[:count, 0] >= 0)
+    @property
+    def watches(self) -> bool:
+        """True if some instants are not stored whole."""
+        return self.places.size > 0
 
-    def places_of(self, column: int, count: int) -> Ints:
-        """Return the places in a column of those of the first `count` instants that have one."""
+    def whole(self, count: int) -> Ints | slice:
+        """Return which of the first `count` instants are stored whole."""
+        return np.flatnonzero(self.places[:count, 0] >= 0) if self.watches else slice(count)
+
+    def rows(self, column: int, count: int) -> Ints | slice:
+        """Return the rows of those of the first `count` instants with a place in a column."""
         rows = self.places[:count, column]
-        return rows[rows >= 0]
+        return rows[rows >= 0] if self.watches else slice(count)
 
 
 def plan_saving(
-    save: SaveAt, weights: Weights, interval: float, count: int, *, further: int = 0
+    save_at: SaveAt, weights: Weights, interval: float, count: int, *, further: int = 0
 ) -> SavePlan:
     """Choose the places of stored instants in the record of a watched run.
 
     Parameters
     ----------
-    save : SaveAt
+    save_at : SaveAt
         What is wanted.
     weights : mapping of str to ndarray
         From `seen_weights`.
@@ -316,18 +330,17 @@ def plan_saving(
 
     Examples
     --------
-    >>> save = SaveAt([0], 2, [0.3], [], 0, lambda rails: SeenRows(*[np.zeros((0, 0))] * 4))
-    >>> plan = plan_saving(save, {}, 0.1, 7)
+    >>> plan = plan_saving(SaveAt([0], 2, [0.3]), {}, 0.1, 7)
     >>> whole, seen, balanced = plan.places.T.tolist()
     >>> whole, seen
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
     >>> balanced
     [0, -1, -1, 1, -1, -1, 2]
     """
-    times = tuple(save.whole), tuple(save.rests)
-    places, counts, rests = _places(*times, save.stride, interval, count)
+    times = tuple(save_at.whole), tuple(save_at.rests)
+    places, counts, rests = _places(*times, save_at.stride, interval, count)
     places = places.copy() if further else places
-    return SavePlan(save, weights, places, counts, rests, further)
+    return SavePlan(count, False, save_at, weights, places, counts, rests, further)
 
 
 @lru_cache(maxsize=16)
@@ -380,18 +393,18 @@ def trim_watched(
     """
     rests = plan.rests
     if onsets is not None:
-        rests = rest_instants(time, sorted({*plan.save.taken, *onsets}))
-    count, regular = plan.save.count, -(-time.size // plan.save.stride)
+        rests = rest_instants(time, sorted({*plan.save_at.taken, *onsets}))
+    count, regular = plan.save_at.count, -(-time.size // plan.save_at.stride)
     return Watched(
         time=time,
         inputs=inputs,
         law_first=law_first,
         law_placed=law_placed,
-        stride=plan.save.stride,
+        stride=plan.save_at.stride,
         seen=record.seen[:regular, :count],
         rests=rests,
         seen_rests=record.seen[plan.places[rests, 1], :count],
-        laws=tuple(plan.save.laws),
+        laws=tuple(plan.save_at.laws),
         effort=record.effort[:, : time.size],
     )
 
@@ -401,29 +414,8 @@ LEAST_CACHED, MOST_CACHED = 4 * 2**20, 16 * 2**20
 thirds of the time; smaller and larger ones would evict what the steps need [bytes]."""
 
 
-def empty_record(
-    system: System,
-    laws: LawTable,
-    count: int,
-    *,
-    velocity: bool,
-    plan: SavePlan | None = None,
-) -> StepRecord:
-    """Allocate a record in one piece of memory.
-
-    Parameters
-    ----------
-    system : System
-        Of the run.
-    laws : LawTable
-        All laws.
-    count : int
-        Number of stored instants.
-    velocity : bool
-        Whether velocities are stored too.
-    plan : SavePlan, optional
-        Which instants are stored whole and kept, and what is seen of these; default all of them.
-    """
+def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
+    """Allocate the record of a run in one piece of memory."""
     widths = {
         "q": whole_lines(system.load.size),
         "g": whole_lines(system.row_place.size),
@@ -432,21 +424,21 @@ def empty_record(
         "stored": 4,
         "ledger": LEDGER,
     }
-    counts = dict.fromkeys(widths, count)
-    if plan is not None:
+    counts = dict.fromkeys(widths, plan.count)
+    if plan.watches:
         whole, _, balanced = (rows + plan.further for rows in plan.counts)
         counts |= dict.fromkeys(("q", "g", "friction", "law"), whole)
         counts |= dict.fromkeys(("stored", "ledger"), balanced)
     total = sum(counts[name] * width for name, width in widths.items())
-    memory = lines_from_buffer(total) if plan is None else empty_in_lines(total)
+    memory = empty_in_lines(total) if plan.watches else lines_from_buffer(total)
     at, arrays = 0, dict[str, NDArray[Any]]()
     for name, width in widths.items():
         size = counts[name] * width
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
-    arrays["v"] = np.zeros((count if velocity else 1, arrays["q"].shape[1]))
-    if plan is not None:
-        weights, laws_saved = plan.weights, plan.save.laws
+    arrays["v"] = np.zeros((plan.count if plan.velocity else 1, arrays["q"].shape[1]))
+    if plan.watches:
+        weights, laws_saved = plan.weights, plan.save_at.laws
         longest = max(part.size for part in weights.values() if part.ndim == 1)
         seen = empty_in_lines(plan.counts[1] + plan.further, weights["seen_load"].size)
         return shared_record(
@@ -475,21 +467,17 @@ def _empty_record() -> StepRecord:
     return shared_record(StepRecord(**nothing, residual=np.zeros(1)))
 
 
-def trim_record(
-    record: StepRecord, system: System, laws: LawTable, count: int, plan: SavePlan | None
-) -> StepRecord:
-    """Return what is stored whole of the first `count` instants, without padding."""
-    n_modes = system.load.size
-    at: slice | Ints = slice(count)
-    energies = at
-    if plan is not None:
-        at = plan.places_of(0, count)
-        energies = plan.places[plan.whole(count), 2]
+def trim_record(run: Run, count: int, plan: SavePlan) -> StepRecord:
+    """Return what is stored whole of the first `count` instants of a run, without padding."""
+    record, n_modes, n_rows = run.record, run.system.load.size, run.system.row_place.size
+    at, energies = plan.rows(0, count), plan.whole(count)
+    if plan.watches:
+        energies = plan.places[energies, 2]
     return StepRecord(
         q=record.q[at, :n_modes],
-        g=record.g[at, : system.row_place.size],
-        friction=record.friction[at, : laws.friction_row.size],
-        law=record.law[at, : laws.row.size],
+        g=record.g[at, :n_rows],
+        friction=record.friction[at, : run.table.friction_row.size],
+        law=record.law[at, : run.table.row.size],
         stored=record.stored[energies],
         ledger=record.ledger[energies],
         residual=record.residual,

@@ -38,6 +38,7 @@ from turnout.solver.follow import follow_path
 from turnout.solver.march import march
 from turnout.solver.obstruct import freeze
 from turnout.solver.outcome import Code
+from turnout.solver.record import SavePlan
 from turnout.solver.solve import (
     CONVERGED,
     NOT_CONVERGED,
@@ -363,7 +364,7 @@ def _prepare_last(arrangement: Arrangement, plan: StartPlan, share: float) -> tu
     memory = cast("SharedRecord", plan.table).memory
     memory[:] = np.frombuffer(plan.of_laws, dtype=memory.dtype)
     part = plan.positions[int((1.0 - share) * plan.positions.shape[0]) :]
-    return prepare(set_up_run(arrangement, plan.scheme, part, 2, table=plan.table))
+    return prepare(set_up_run(arrangement, plan.scheme, part, SavePlan(2), table=plan.table))
 
 
 def clear_starts() -> None:
