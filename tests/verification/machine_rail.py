@@ -154,7 +154,7 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     mode = "waveform" if step <= 1e-3 else "quick"
     scheme = Scheme.of(mode, step=step, output_interval=step)
     positions = np.zeros((count + 1, 2))
-    run, rail = prepare(
+    run, rails = prepare(
         set_up_run(arrange(mechanism, scheme), scheme, positions, SavePlan(count + 1))
     )
     rows = [mechanism.laws.row[mechanism.index.drive[name]] for name in RODS]
@@ -165,9 +165,9 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
     kept[0], force = state, np.zeros((count + 1, 2))
     room = machine_room(2, events=32)
     with one_blas_thread():
-        start_at_rest(run, rail, mechanism)
-        store_instant(run, rail, 0)
-        y = [rail.g[ends].copy()] * 3
+        start_at_rest(run, rails, mechanism)
+        store_instant(run, rails, 0)
+        y = [rails.g[ends].copy()] * 3
         for n in range(count):
             v = (3 * y[0] - 4 * y[1] + y[2]) / (2 * step)
             rail = (y[0], v, y[0] + step * v, none)
@@ -175,7 +175,7 @@ def throw_staggered(*, step: float) -> tuple[Floats, Floats]:
             accept_machines(group, state, trial, (n * step, step), room)
             kept[n + 1] = state
             run.positions[n + 1] = state[:, at.ROD_POSITION]
-            assert march(run, rail, n, n + 1)[0] == at.CONVERGED
-            y = [rail.g[ends].copy(), y[0], y[1]]
+            assert march(run, rails, n, n + 1)[0] == at.CONVERGED
+            y = [rails.g[ends].copy(), y[0], y[1]]
             force[n + 1] = rods * (run.positions[n + 1] - y[0])
     return kept, force

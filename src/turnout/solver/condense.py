@@ -336,15 +336,8 @@ def _smooth_model(
         return None
     stiffness, damping, low, flexible = found
     flexibility = flexible[:, :count]
-    model = model_of(
-        low[:count],
-        flexibility,
-        stiffness=stiffness,
-        damping=damping,
-        load=weight * low[count],
-        residual_load=weight * flexible[:, count],
-        rows=given.linear.rows,
-    )
+    of_modes, residual_load = (stiffness, damping, weight * low[count]), weight * flexible[:, count]
+    model = model_of(of_modes, low[:count], flexibility, residual_load, given.linear.rows)
     return model, Omitted(flexibility, low[:count, :0])
 
 

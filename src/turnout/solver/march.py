@@ -77,7 +77,7 @@ from turnout.solver.solve import (
     iterate_contact_set,
     measure_residual,
     refine,
-    restore_contact_set,
+    restore_start,
     save_contact_set,
 )
 from turnout.solver.state import (
@@ -312,7 +312,7 @@ def _try_step(
     A `last` attempt follows the solution path where the contact set does not converge; others end
     with PASSED where an obstruction fails on the way.
     """
-    work, options = run.work, run.options
+    options = run.options
     inertia, viscosity, span = factors.inertia, factors.viscosity, (time, factors.h)
     predict(run, state, factors)
     save_contact_set(run, state)
@@ -321,10 +321,8 @@ def _try_step(
         if code == CONVERGED:
             code = iterate_rods(run, state, rods, span)
     if code == NOT_CONVERGED and last:
-        copy(work.q_start, state.q)
-        copy(work.g_start, state.g)
         copy(inputs[0], state.inputs)
-        restore_contact_set(run, state)
+        restore_start(run, state)
         rebuild(run, state, options.halvings)
         code = follow_path(run, state, inputs, inertia, viscosity)
         if rods is not None:  # noqa: SIM102, as above
@@ -348,9 +346,7 @@ def _try_step(
     if code == CONVERGED:
         correct(run, state, factors)
         return code
-    copy(work.q_start, state.q)
-    copy(work.g_start, state.g)
-    restore_contact_set(run, state)
+    restore_start(run, state)
     return code
 
 

@@ -160,27 +160,16 @@ def split_modes(linear: LinearSystem, cutoff_frequency: float) -> tuple[ModalMod
     yielding = scaled @ high.T
     flexibility = 0.5 * (yielding + yielding.T)
     residual_load = scaled @ (high.T @ linear.load)
-    model = _model(linear, low, eigenvalues[:kept], flexibility, residual_load)
+    of_modes = _in_modes(linear, eigenvalues[:kept], low)
+    model = model_of(of_modes, low, flexibility, residual_load, linear.rows)
     return model, Omitted(flexibility, high[:, :FURTHER_MODES].copy())
 
 
-def _model(
-    linear: LinearSystem,
-    low: Floats,
-    eigenvalues: Floats,
-    flexibility: Floats,
-    residual_load: Floats,
-) -> ModalModel:
-    """Return the model of a linear system from its low modes and what is left out of them."""
-    return model_of(
-        low,
-        flexibility,
-        stiffness=np.diag(eigenvalues),
-        damping=low.T @ linear.damping @ low,
-        load=low.T @ linear.load,
-        residual_load=residual_load,
-        rows=linear.rows,
-    )
+def _in_modes(
+    linear: LinearSystem, eigenvalues: Floats, low: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return stiffness, damping and load of a linear system in its low modes."""
+    return np.diag(eigenvalues), low.T @ linear.damping @ low, low.T @ linear.load
 
 
 FURTHER_MODES = 8
@@ -226,7 +215,8 @@ def split_modes_near(
     inverse, _ = dtrtri(upper)
     high = inverse - (low / eigenvalues) @ (upper @ low).T
     flexibility = high @ high.T
-    model = _model(linear, low, eigenvalues, flexibility, flexibility @ linear.load)
+    of_modes = _in_modes(linear, eigenvalues, low)
+    model = model_of(of_modes, low, flexibility, flexibility @ linear.load, linear.rows)
     return model, Omitted(flexibility, low[:, :0])
 
 
@@ -256,12 +246,9 @@ def _iterate_subspace(
 
 
 def model_of(
+    of_modes: tuple[Floats, Floats, Floats],
     low: Floats,
     flexibility: Floats,
-    *,
-    stiffness: Floats,
-    damping: Floats,
-    load: Floats,
     residual_load: Floats,
     rows: Rows,
 ) -> ModalModel:
@@ -269,15 +256,18 @@ def model_of(
 
     Parameters
     ----------
+    of_modes : tuple of ndarray
+        Stiffness, damping and load in the kept modes, as of `ModalModel`.
     low : ndarray, shape (n_dof, n_modes)
         Shapes of the kept modes [1/sqrt(kg)].
     flexibility : ndarray, shape (n_dof, n_dof)
         That of all others [m/N].
-    stiffness, damping, load, residual_load
+    residual_load : ndarray, shape (n_dof,)
         As of `ModalModel`.
     rows : ndarray or csr_array, shape (n_rows, n_dof)
         Rows along which forces act and displacements are read.
     """
+    stiffness, damping, load = of_modes
     of_rows = _sparse(rows)
     residual_shapes = (of_rows @ flexibility).T
     return ModalModel(

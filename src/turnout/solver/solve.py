@@ -526,10 +526,11 @@ def save_contact_set(run: Run, state: State) -> None:
 
 
 @compiled
-def restore_contact_set(run: Run, state: State) -> None:
-    """Restore the contact set saved in `work`."""
-    table, work = run.table, run.work
-    count = 0
+def restore_start(run: Run, state: State) -> None:
+    """Restore modal coordinates, displacements and contact set saved in `work`."""
+    table, work, count = run.table, run.work, 0
+    copy(work.q_start, state.q)
+    copy(work.g_start, state.g)
     for law in range(table.row.size):
         if state.segment[law] != work.saved_segment[law]:
             set_segment(table, state, law, work.saved_segment[law])

@@ -48,7 +48,7 @@ from turnout.solver.solve import (
     iterate_contact_set,
     measure_residual,
     refine,
-    restore_contact_set,
+    restore_start,
     save_contact_set,
     solve_displacements,
     update_contact_set,
@@ -127,20 +127,24 @@ def _evaluate_laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
 def equilibrium(run: Run, state: State) -> int:
     """Find the static equilibrium for the present inputs by iterating the contact set.
 
-    The columns are those of a level without inertia and viscosity, the last one. The solution is
-    refined, so that a rail at rest does not move in its first step.
+    The solution is refined, so that a rail at rest does not move in its first step.
     """
-    system, work = run.system, run.work
-    static = state.level_ready.size - 1
-    assemble_level(run, state, static, 0.0, 0.0)
-    rebuild(run, state, static)
-    copy(system.load, work.right_side)
+    _rebuild_static(run, state)
     code = iterate_contact_set(run, state)
     if code == CONVERGED:
         _refine_contact_set(run, state)
         if any_not_finite(state.g):  # an infinite one may lie in the last segment of its law
             return NOT_FINITE
     return code
+
+
+@compiled
+def _rebuild_static(run: Run, state: State) -> None:
+    """Rebuild the columns of a level without inertia and viscosity, the last one, with its load."""
+    static = state.level_ready.size - 1
+    assemble_level(run, state, static, 0.0, 0.0)
+    rebuild(run, state, static)
+    copy(run.system.load, run.work.right_side)
 
 
 @compiled
@@ -167,22 +171,20 @@ def _refine_contact_set(run: Run, state: State) -> None:
 @compiled
 def anchor_at_rest(run: Run, state: State) -> None:
     """Anchor every foot at its present place, and start the energy balance from here."""
-    table = run.table
     state.friction[:] = STICK
     for friction in range(state.anchor.size):
-        state.anchor[friction] = state.g[table.friction_row[friction]]
+        state.anchor[friction] = state.g[run.table.friction_row[friction]]
     start_energy_balance(run, state)
 
 
 @compiled
 def start_energy_balance(run: Run, state: State) -> None:
     """Start the energy balance from the present solution; anchors of slipping feet follow it."""
-    work = run.work
     evaluate(run, state)
     account_laws(run, state, state.inputs, 0.0)
     account_friction(run, state)
     state.ledger[:] = 0.0
-    work.unconverged[:] = 0
+    run.work.unconverged[:] = 0
     set_energy_reference(run, state)
 
 
@@ -194,21 +196,15 @@ def settle(run: Run, state: State) -> int:
     not converge, the forces of inertia and dampers, without which the present state would not be
     one of equilibrium, are taken away along a straight path, event by event.
     """
-    system, work = run.system, run.work
-    static = state.level_ready.size - 1
-    assemble_level(run, state, static, 0.0, 0.0)
-    rebuild(run, state, static)
-    copy(system.load, work.right_side)
+    work = run.work
+    _rebuild_static(run, state)
     copy(state.q, work.q_start)
     work.changed[:] = 1
     save_contact_set(run, state)
     code = iterate_contact_set(run, state)
     if code == NOT_CONVERGED:
-        copy(work.q_start, state.q)
-        copy(work.g_start, state.g)
-        restore_contact_set(run, state)
-        rebuild(run, state, static)
-        copy(system.load, work.right_side)
+        restore_start(run, state)
+        _rebuild_static(run, state)
         copy(state.inputs, work.inputs_start)
         copy(state.inputs, work.inputs_end)
         inputs = (work.inputs_start, work.inputs_end)
