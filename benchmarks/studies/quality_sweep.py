@@ -167,8 +167,8 @@ def until(end: float) -> Fault:
 def sweeps() -> tuple[Sweep, ...]:
     """Return every fault with its severities."""
     limits = Limits()
-    hum = dict(limits.most_hum)["drive_force"]
-    least = dict(limits.least_response)["drive_force"]
+    hum = limits.channels["drive_force"].hum
+    least = limits.channels["drive_force"].response
     return (
         Sweep(
             "clipping",

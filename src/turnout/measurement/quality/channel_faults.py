@@ -3,8 +3,8 @@
 `Fault` and `Limits`, which all checks of a recording share, stand here too.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -67,6 +67,41 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelLimits:
+    """Sizes in a channel from which on a deviation is a fault, in its unit [N, A, W].
+
+    Attributes
+    ----------
+    response : float
+        Least change in a throw, else it is dead.
+    hum : float
+        Amplitude of a line of the mains.
+    spike : float
+        Height of a single sample above its neighbours.
+    offset : float
+        Departure of the zero: of a rod force from the rest of the campaign, of a current and of the
+        load cell from nothing.
+    step : float
+        Least difference of two samples.
+    """
+
+    response: float = 0.0
+    hum: float = np.inf
+    spike: float = np.inf
+    offset: float = np.inf
+    step: float = np.inf
+
+
+CHANNEL_LIMITS: Mapping[str, ChannelLimits] = {
+    "drive_force": ChannelLimits(response=60.0, hum=60.0, spike=500.0, offset=750.0, step=50.0),
+    "drive_current": ChannelLimits(response=0.2, hum=0.1, spike=2.0, offset=0.15, step=0.05),
+    "drive_voltage": ChannelLimits(),
+    "drive_power": ChannelLimits(response=50.0, step=25.0),
+    "object_force": ChannelLimits(response=40.0, hum=60.0, spike=5000.0, offset=200.0, step=50.0),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Sizes from which on a deviation is a fault.
 
@@ -80,10 +115,8 @@ class Limits:
         Equal samples in a row, in a channel that has noise.
     clipped_share : float
         Samples at the very largest or least value.
-    least_response : mapping of str to float
-        Least change of a channel in a throw, else it is dead [N, A].
-    most_hum : mapping of str to float
-        Amplitude of a line of the mains [N, A].
+    channels : mapping of str to ChannelLimits
+        By channel.
     mains : tuple of float
         Frequencies of lines that mains put into cables [Hz].
     rate_share : float
@@ -96,55 +129,22 @@ class Limits:
         Change of a rod force against the direction [N].
     swap_gain : float
         How many times better channels must fit when they are swapped.
-    most_spike : mapping of str to float
-        Height of a single sample above its neighbours [N, A].
     most_drift : float
         Change of the zero of a force in the time that is kept of a throw [N].
-    most_offset : mapping of str to float
-        Departure of the zero: of a rod force from the rest of the campaign, of a current and of
-        the load cell from nothing [N, A].
-    most_step : mapping of str to float
-        Least difference of two samples [N, A].
     """
 
     longest_hole: float = 0.01
     missing_share: float = 0.005
     least_run: int = 6
     clipped_share: float = 0.005
-    least_response: tuple[tuple[str, float], ...] = (
-        ("drive_force", 60.0),
-        ("drive_current", 0.2),
-        ("drive_power", 50.0),
-        ("object_force", 40.0),
-    )
-    most_hum: tuple[tuple[str, float], ...] = (
-        ("drive_force", 60.0),
-        ("drive_current", 0.1),
-        ("object_force", 60.0),
-    )
+    channels: Mapping[str, ChannelLimits] = field(default_factory=lambda: CHANNEL_LIMITS)
     mains: tuple[float, ...] = (50.0 / 3.0, 50.0, 60.0, 100.0, 150.0)
     rate_share: float = 0.002
     pace_share: float = 0.12
     least_rest: float = 0.15
     polarity_force: float = 100.0
     swap_gain: float = 2.0
-    most_spike: tuple[tuple[str, float], ...] = (
-        ("drive_force", 500.0),
-        ("drive_current", 2.0),
-        ("object_force", 5000.0),
-    )
     most_drift: float = 200.0
-    most_offset: tuple[tuple[str, float], ...] = (
-        ("drive_force", 750.0),
-        ("drive_current", 0.15),
-        ("object_force", 200.0),
-    )
-    most_step: tuple[tuple[str, float], ...] = (
-        ("drive_force", 50.0),
-        ("drive_current", 0.05),
-        ("drive_power", 25.0),
-        ("object_force", 50.0),
-    )
 
 
 UNITS = {
@@ -154,7 +154,7 @@ UNITS = {
     "drive_power": "W",
     "object_force": "N",
 }
-"""Units of what is measured; limits that do not name a quantity do not check it."""
+"""Units of what is measured."""
 MEASURED = tuple(UNITS)
 # A run of equal samples is by chance once in this many throws.
 CHANCE = 1e-4
@@ -286,7 +286,7 @@ def spike_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     spike is remarked and excludes nothing.
     """
     values, rate, unit = channel.values, channel.rate, channel.unit
-    most = dict(limits.most_spike).get(channel.key, np.inf)
+    most = limits.channels[channel.key].spike
     count = int(spikes(values, rate=rate, least=most).sum())
     if not count:
         return
@@ -309,7 +309,7 @@ def quantisation_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     levels = np.unique(channel.values)
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * max(float(np.ptp(levels)), 1e-300)]
-    most, unit = dict(limits.most_step).get(channel.key, np.inf), channel.unit
+    most, unit = limits.channels[channel.key].step, channel.unit
     if not steps.size or float(steps.min()) <= most:
         return
     text = f"it has steps of {in_words(float(steps.min()), unit)}, at most {most:g} {unit} expected"
@@ -358,7 +358,7 @@ def dead_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     around = round(0.2 * channel.rate)
     smooth = mean_over(channel.values, width=round(0.1 * channel.rate))
     smooth = smooth[max(0, channel.begin - around) : channel.finish + around]
-    least = dict(limits.least_response).get(channel.key, 0.0)
+    least = limits.channels[channel.key].response
     response = float(np.ptp(smooth)) if smooth.size else 0.0
     if response >= least:
         return
@@ -441,7 +441,7 @@ def hum_faults(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     """
     rate, unit = channel.rate, channel.unit
     part = channel.values[channel.begin + round(0.2 * rate) : channel.finish]
-    most = dict(limits.most_hum).get(channel.key, np.inf)
+    most = limits.channels[channel.key].hum
     for frequency in limits.mains:
         if frequency > 0.4 * rate or part.size * frequency < 10 * rate:
             continue

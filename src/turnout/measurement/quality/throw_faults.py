@@ -224,17 +224,17 @@ def offset_faults(seen: SeenThrow) -> Iterator[Fault]:
     What a rod carries at rest is known from the rest of the campaign only; a current and a load
     cell rest at nothing.
     """
-    most, typical = dict(seen.limits.most_offset), seen.expected.open_level
+    limits, typical = seen.limits.channels, seen.expected.open_level
     own = open_level(seen.dataset, seen.throw, direction=seen.expected.direction)
     if own is not None and typical is not None and own.shape == typical.shape:
         for name, level, usual in zip(seen.drives, own, typical, strict=True):
-            if abs(level - usual) > most["drive_force"]:
+            if abs(level - usual) > limits["drive_force"].offset:
                 text = f"{level:.4g} N with the rail open, {usual:.4g} N in the rest of the "
                 yield Fault("zero offset", f"drive_force {name}", f"{text}campaign", excludes=False)
     rest = seen.time < seen.throw.onset - 0.01
     for channel in measured_channels(seen.dataset):
         known = channel.values[rest & np.isfinite(channel.values)]
-        allowed = most.get(channel.key, np.inf)
+        allowed = limits[channel.key].offset
         if channel.key == "drive_force" or seen.throw.cut_start or not known.size:
             continue
         level, unit = float(np.median(known)), channel.unit
