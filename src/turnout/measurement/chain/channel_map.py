@@ -6,7 +6,7 @@ as it may be a voltage, a voltage ratio, a strain, or already a force or a curre
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
@@ -341,11 +341,8 @@ AnySensor = Annotated[
     StrainBridge | Clamp | LoadCell | Scaled | KnownLoadSensor, Field(discriminator="kind")
 ]
 KINDS: dict[str, type[SensorRecord]] = {
-    "strain bridge": StrainBridge,
-    "clamp": Clamp,
-    "load cell": LoadCell,
-    "scaled": Scaled,
-    "calibrated": KnownLoadSensor,
+    get_args(item.model_fields["kind"].annotation)[0]: item
+    for item in (StrainBridge, Clamp, LoadCell, Scaled, KnownLoadSensor)
 }
 
 

@@ -215,7 +215,10 @@ def assemble_recording(
     found = [
         *problems,
         *(f"{_named(names)}: {problem}" for problem, names in mended.items()),
-        *(_left_out(reason, names) for reason, names in left_out.items()),
+        *(
+            f"{_named(names)} {'is' if len(names) == 1 else 'are'} left out: {reason}"
+            for reason, names in left_out.items()
+        ),
         *implausible_times(list(channels.values())),
     ]
     if not channels:
@@ -316,10 +319,6 @@ def _stand_in(values: NDArray[np.float64]) -> str:
                 what = f"{counted(count, 'sample')} {number:g}"
                 return f"check the values: {what}, as loggers write for none"
     return ""
-
-
-def _left_out(reason: str, names: Sequence[str]) -> str:
-    return f"{_named(names)} {'is' if len(names) == 1 else 'are'} left out: {reason}"
 
 
 def _named(names: Sequence[str]) -> str:

@@ -176,7 +176,7 @@ def read_recording(
     path = Path(path)
     try:
         throws = () if throw is None else (throw,)
-        (found,) = _read(path, recognise_format(path), allow_outside=allow_outside, throws=throws)
+        (found,) = _read(path, allow_outside=allow_outside, throws=throws)
         if isinstance(found, FileError):
             raise found
         return found
@@ -202,20 +202,18 @@ def read_throws(
         Whether a file may take samples from other files.
     """
     try:
-        return _read(path, recognise_format(path), allow_outside=allow_outside, throws=throws)
+        return _read(path, allow_outside=allow_outside, throws=throws)
     except FileError as error:
         return [error] * len(throws)
 
 
-def _read(
-    path: Path, kind: FileFormat, *, allow_outside: bool, throws: Sequence[str]
-) -> list[Recording | FileError]:
+def _read(path: Path, *, allow_outside: bool, throws: Sequence[str]) -> list[Recording | FileError]:
     """Return the recording of a file, or one a throw; FileError when none can be read."""
-    if throws and not kind.tables:
-        if tuple(throws) == ALL:
-            return _read(path, kind, allow_outside=allow_outside, throws=())
+    kind = recognise_format(path)
+    if throws and not kind.tables and tuple(throws) != ALL:
         message = f"{path}: a {kind.name} file holds one throw; leave out the choice '{throws[0]}'"
         raise FileError(message)
+    throws = throws if kind.tables else ()
     if not kind.reader:
         return recordings_of(text_table(path.read_bytes(), source=str(path)), throws)
     packages = [kind.package] if kind.package else []

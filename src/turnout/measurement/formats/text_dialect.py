@@ -127,10 +127,10 @@ def encoding_of(sample: bytes) -> str:
         if sample.startswith(mark):
             return name
     half = sample[: len(sample) // 2 * 2]
-    if half and b"\0" not in half[0::2] and half[1::2].count(0) > 0.8 * len(half) / 2:
-        return "utf-16-le"
-    if half and b"\0" not in half[1::2] and half[0::2].count(0) > 0.8 * len(half) / 2:
-        return "utf-16-be"
+    for place, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        zeros = half[place::2].count(0)
+        if half and b"\0" not in half[1 - place :: 2] and zeros > 0.8 * len(half) / 2:
+            return name
     try:
         codecs.getincrementaldecoder("utf-8")().decode(sample)
     except UnicodeDecodeError:
