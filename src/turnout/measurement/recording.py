@@ -235,8 +235,7 @@ def _check_rising(time: NDArray[np.float64]) -> None:
     if time.size < 2:
         message = f"needs at least 2 samples to know the rate, has {time.size}"
         raise ValueError(message)
-    finite = np.isfinite(time)
-    if not finite.all():
+    if not (finite := np.isfinite(time)).all():
         message = f"the time of sample {int(np.argmin(finite)) + 1} is no number"
         raise ValueError(message)
     steps = np.diff(time)
@@ -244,18 +243,17 @@ def _check_rising(time: NDArray[np.float64]) -> None:
         at = int(np.argmin(steps)) + 1
         message = f"time must rise; it goes from {time[at - 1]:.6g} to {time[at]:.6g} s"
         raise ValueError(message)
-    repeated = steps == 0
-    if np.count_nonzero(repeated) > MOST_REPEATED * time.size:
+    repeated = np.flatnonzero(steps == 0)
+    if repeated.size > MOST_REPEATED * time.size:
         message = (
-            f"{np.count_nonzero(repeated)} of its {time.size} times repeat, the first is "
-            f"{time[np.argmax(repeated)]:.6g} s: coarser than the samples, they tell no rate; "
+            f"{repeated.size} of its {time.size} times repeat, the first is "
+            f"{time[repeated[0]]:.6g} s: coarser than the samples, they tell no rate; "
             "state the sample rate, or export times with more digits"
         )
         raise ValueError(message)
-    if not 1e-12 * (time.size - 1) < time[-1] - time[0] < np.inf:
-        message = (
-            f"its times rise by {(time[-1] - time[0]) / (time.size - 1):.3g} s, no sample rate"
-        )
+    step = (time[-1] - time[0]) / (time.size - 1)
+    if not 1e-12 < step < np.inf:
+        message = f"its times rise by {step:.3g} s, no sample rate"
         raise ValueError(message)
 
 

@@ -111,32 +111,29 @@ def split_unit(text: str) -> tuple[str, str]:
     text = text.strip()
     match = _NAME_AND_UNIT.fullmatch(text)
     if match is not None and match[1]:
-        unit = (match[2] if match[2] is not None else match[3]).strip()
-        if match[2] and match[2].isdigit() and text.endswith(f"{match[1]}[{match[2]}]"):
-            return text, ""  # an element, "Y[0]"
-        if match[2] is not None or not unit or is_unit(unit):
-            return match[1], tidy_unit(unit)
-        return text, ""
+        name, square, unit = match[1], match[2], (match[2] or match[3] or "").strip()
+        element = square and square.isdigit() and text.endswith(f"{name}[{square}]")  # "Y[0]"
+        stated = square is not None or not unit or is_unit(unit)
+        return (name, tidy_unit(unit)) if stated and not element else (text, "")
     match = _QUOTIENT.fullmatch(text)
-    if (
-        match
-        and not is_unit(text.split()[-1])
-        and is_unit(match[2])
-        and match[2] not in _NO_UNIT_BEHIND
-    ):
+    if match and not is_unit(text.split()[-1]) and _stands_behind(match[2]):
         return match[1], tidy_unit(match[2])
     if match := _ENDING.fullmatch(text):
         unit = match[1] or (match[2] if _QUANTITY_OF[match[2]].fullmatch(text) else "")
-        if unit in UNIT_TEXTS and unit not in _NO_UNIT_BEHIND:
+        if unit in UNIT_TEXTS and _stands_behind(unit):
             return text, tidy_unit(unit)
     if text.startswith("in ") and is_time_unit(text[3:]):
         return "", tidy_unit(text[3:])
     match = _BEHIND.fullmatch(text)
     # "Rod A" is a name, "I in A" and "Force kN" end in a unit.
-    if match is None or not is_unit(match[3]) or match[3] in _NO_UNIT_BEHIND:
-        return text, ""
-    parted = bool(match[2].strip()) or len(match[3]) > 1
-    return (match[1], tidy_unit(match[3])) if parted else (text, "")
+    if match and _stands_behind(match[3]) and (match[2].strip() or len(match[3]) > 1):
+        return match[1], tidy_unit(match[3])
+    return text, ""
+
+
+def _stands_behind(text: str) -> bool:
+    """Return True for a unit that may stand behind a name without brackets."""
+    return is_unit(text) and text not in _NO_UNIT_BEHIND
 
 
 def is_unit(text: str) -> bool:

@@ -142,12 +142,11 @@ def read_isolated(
         }
         process = _reader()
         reply: dict[str, Any] = {}
-        late = keep = False
+        late, code = False, 0
         try:
             reply, late = process.ask(request)
-            keep = bool(reply) and EXHAUSTED not in reply
         finally:
-            if not keep:
+            if not reply or EXHAUSTED in reply:
                 _kept.clear()
                 code = process.close()
         if late:
