@@ -304,12 +304,9 @@ def _numbers_signals(table: Table, place: int) -> bool:
     values = table.values[place].tolist()
     for at, axis in table.axes.items():
         times = axis.seconds.tolist()
-        every = len(set(times)) * len(set(values)) == len(values) == len(times)
-        if (
-            abs(at - place) == 1
-            and every
-            and len(set(zip(times, values, strict=True))) == len(values)
-        ):
+        pairs = len(set(zip(times, values, strict=False)))
+        every = len({*times}) * len({*values}) == len(values) == len(times) == pairs
+        if abs(at - place) == 1 and every:
             return True
     return False
 
@@ -384,10 +381,8 @@ def _long_columns(table: Table) -> list[FileColumn]:
         return []
     held = table.texts.pop(by, None) or [f"{value:g}" for value in table.values[by]]
     signals = np.array(held)
-    units = next(
-        (p for p in table.texts if squeezed(label_of(table, p)) in ("unit", "units")), None
-    )
-    unit_of = None if units is None else table.texts.pop(units)
+    names = {squeezed(label_of(table, p)): p for p in table.texts}
+    unit_of = table.texts.pop(names.get("unit", names.get("units", -1)), None)
     found = []
     for signal in dict.fromkeys(held):
         rows = np.flatnonzero(signals == signal)
@@ -417,23 +412,20 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         if several:
             values = values[: count_filled(values)]
         name = column.name or f"column {place + 1}"
+        clock: dict[str, Any] = {}
+        if axis is not None:
+            values = _to_length(values, axis.seconds.size)
+            clock = {"time": axis.seconds, "begin": axis.begin, "remark": axis.remark}
+        elif left:
+            clock = {"begin": table.axes[left[-1]].begin, "remark": "its times only tell its start"}
         if axis is None:
             own = None if rate is None else rate[number if len(rate) > 1 else 0]
-            begin, start, time, remark = None, table.stated.start, None, ""
-            if left:
-                begin, remark = table.axes[left[-1]].begin, "its times only tell its start"
-        else:
-            own, start, begin, remark = None, 0.0, axis.begin, axis.remark
-            values = _to_length(values, axis.seconds.size)
-            time = axis.seconds
+            clock |= {"rate": own, "start": table.stated.start}
         empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
         if empty > 0:
             what = f"{counted(empty, 'cell')} empty, taken as missing"
             table.problems.append(f"channel '{name}': {what}")
-        described = (name, values, column.unit, column.description)
-        found.append(
-            FileColumn(*described, time=time, rate=own, start=start, begin=begin, remark=remark)
-        )
+        found.append(FileColumn(name, values, column.unit, column.description, **clock))
     return found
 
 

@@ -333,12 +333,10 @@ def _join_dates(table: Table, dates: dict[int, list[str]]) -> None:
         axis = stamps_axis(texts[:used])
         following = table.columns[place + 1 : place + 2]
         if following and SECONDS.get(squeezed(following[0].name)) == 1e-3:
-            thousandths = table.values.pop(place + 1, np.zeros(0))[:used]
-            if thousandths.size == used and np.all(axis.seconds == np.rint(axis.seconds)):
-                seconds = axis.seconds + thousandths / 1e3
-                first = float(thousandths[0]) / 1e3
-                begin = None if axis.begin is None else axis.begin + first
-                axis = replace(axis, seconds=seconds - first, begin=begin)
+            later = table.values.pop(place + 1, np.zeros(0))[:used] / 1e3
+            if later.size == used and np.all(axis.seconds == np.rint(axis.seconds)):
+                begin = None if axis.begin is None else axis.begin + float(later[0])
+                axis = replace(axis, seconds=axis.seconds + later - later[0], begin=begin)
         table.axes[place] = axis
     for place in alone:
         table.texts[place] = dates[place]
