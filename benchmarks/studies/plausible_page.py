@@ -24,7 +24,7 @@ from turnout.calibration.matching.survey import (
     answer_rows,
     combinations,
     fixed_direction,
-    gains,
+    measurement_gains,
     ranges,
     survey,
 )
@@ -98,7 +98,7 @@ def gains_table(facts: Facts, points: Any, shows: Any) -> str:
         "| further measurement | unit | precision | spread | panels left | parameters | answers |",
         "|---|---|---:|---:|---:|---:|---:|",
     ]
-    for item in gains(facts, points, shows.measured, shows.answers):
+    for item in measurement_gains(facts, points, shows.measured, shows.answers):
         unit, factor = shown(item.unit)
         cells = [f"{factor * item.precision:.3g}", f"{factor * item.spread:.3g}"]
         cells += [f"{100 * part:.0f} %" for part in (item.left, item.parameters, item.answers)]

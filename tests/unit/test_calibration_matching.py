@@ -16,7 +16,6 @@ from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_f
 from turnout.calibration.matching.match import (
     Emulation,
     Thrower,
-    evaluate,
     farthest_points,
     fit_emulator,
     holds,
@@ -24,9 +23,10 @@ from turnout.calibration.matching.match import (
     match_panel,
     panel_at,
     plausible_points,
+    try_panel,
 )
 from turnout.calibration.matching.measures import MEASURES
-from turnout.calibration.matching.survey import gains, ranges, study_text
+from turnout.calibration.matching.survey import accepted_study, measurement_gains, ranges
 from turnout.cli.main import app
 from turnout.core.errors import FileError, StudyError
 from turnout.core.library import text_in_library
@@ -137,7 +137,7 @@ def test_farthest_points_spread() -> None:
 def test_the_useful_measurement_comes_first(toy: Facts) -> None:
     rng = np.random.default_rng(5)
     points = rng.random((60, 3))
-    ranked = gains(
+    ranked = measurement_gains(
         toy,
         points,
         measured=np.column_stack([points[:, 0], rng.random(60)]),
@@ -163,7 +163,7 @@ def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path
     for item in whole.tried:
         if item.accepted:
             assert 600.0 <= item.values[0] <= 900.0
-    assert evaluate(toy, whole.points[0]).accepted
+    assert try_panel(toy, whole.points[0]).accepted
 
     def interrupt(state: Progress) -> None:
         if state.done == 15:
@@ -184,7 +184,7 @@ def test_a_matching_is_what_it_says_and_resumes_to_the_same(toy: Facts, tmp_path
         match_panel(other, tmp_path / "whole", count=10)
 
     path = tmp_path / "some.toml"
-    path.write_text(study_text(toy, whole.points[:3], name="some"), encoding="utf-8")
+    path.write_text(accepted_study(toy, whole.points[:3], name="some"), encoding="utf-8")
     study = load_study(path)
     assert study.count == 3
     for number, point in enumerate(whole.points[:3]):
@@ -284,12 +284,14 @@ def test_currents_are_those_of_machines_and_forces_those_of_the_panel() -> None:
         "current, 13 mm after 5 mm",
         "current, 16 mm after 13 mm",
     ]
-    worn, sound = (evaluate(facts, np.array([share])) for share in (0.0, 1.0))
+    worn, sound = (try_panel(facts, np.array([share])) for share in (0.0, 1.0))
     assert worn.accepted
     assert worn.throws == 4
     assert worn.values[0] > 1.1 * sound.values[0] > 0.05  # less efficient: more current per newton
     assert worn.values[2] == sound.values[2]
-    assert "machine" not in study_text(facts, np.array([[0.5]]), name="s").split("[[together]]")[1]
+    assert (
+        "machine" not in accepted_study(facts, np.array([[0.5]]), name="s").split("[[together]]")[1]
+    )
     wrong = TOY.replace('"plateau force"', '"closing current"').replace(" N", " mA")
     with pytest.raises(StudyError, match="give .machines."):
         read_facts(parse_toml(wrong, source="toy"))

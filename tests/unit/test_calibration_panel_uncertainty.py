@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, alike, misfit
 
-from turnout.calibration.advice import check_shares, panel_column, panel_lines, stated_shares
+from turnout.calibration.advice import check_shares, panel_column, panel_doubt_lines, stated_shares
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import fit
@@ -50,7 +50,7 @@ def test_a_weight_that_friction_imitates_widens_its_interval_and_nothing_else() 
     mu, k = (np.array(item.deviations) for item in (plain, wide))
     assert k[0] == pytest.approx(np.hypot(mu[0], 0.05 * found.values["mu"]), rel=0.02)
     assert k[1] == pytest.approx(mu[1], rel=0.02)
-    (line,) = panel_lines(found, {"gravity": column}, {"gravity": 0.05})
+    (line,) = panel_doubt_lines(found, {"gravity": column}, {"gravity": 0.05})
     assert line.startswith("gravity known to ± 5 %: moves mu by 5")
     with pytest.raises(SolverError, match="gravity ± 50 %: .* too heavy; state less"):
         panel_column(found, "gravity", 0.5)

@@ -10,7 +10,7 @@ from tests.unit.test_calibration_fit import TRUE, movement, response
 
 from turnout.calibration.result import load_calibration
 from turnout.calibration.validation.seen_throws import (
-    Grid,
+    SharedBins,
     chain_directions,
     found_chain,
     through_chain,
@@ -26,7 +26,7 @@ CHAIN = {
 
 def test_a_force_is_seen_through_gain_zero_and_clock() -> None:
     item = movement("m", rng=np.random.default_rng(0))
-    grid = Grid.of([item])
+    grid = SharedBins.of([item])
     made = response(TRUE)
     plain = grid.predicted([item], [made], shifts=np.zeros(1))
     later = -np.gradient(plain, 0.02, axis=2)

@@ -258,7 +258,7 @@ def given_but(shares: Mapping[str, float]) -> dict[str, str]:
     return {"given": f"the panel as stated, but for {told}"} if told else {}
 
 
-def panel_lines(
+def panel_doubt_lines(
     found: Fit, columns: Mapping[str, Floats], shares: Mapping[str, float]
 ) -> list[str]:
     """Say by how much stated uncertainties of a panel make the values uncertain."""

@@ -14,7 +14,7 @@ from turnout.calibration.advice import (
     check_shares,
     given_but,
     panel_column,
-    panel_lines,
+    panel_doubt_lines,
 )
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import (
@@ -438,7 +438,7 @@ def _concluded(
     )
     return replace(
         calibration,
-        findings=(*calibration.findings, *panel_lines(final, columns, shares)),
+        findings=(*calibration.findings, *panel_doubt_lines(final, columns, shares)),
         about={**calibration.about, **given_but(shares)},
     ), spread
 

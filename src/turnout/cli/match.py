@@ -69,13 +69,13 @@ def match_command(
 
 def _write(output: Output, facts: "Facts", shown: "Survey", *, choose: int) -> None:
     from turnout.calibration.matching.match import farthest_points
-    from turnout.calibration.matching.survey import ranges, study_text
+    from turnout.calibration.matching.survey import accepted_study, ranges
     from turnout.figures.pairs import plot_pairs
 
     study, plot = output["study"], output["plot"]
     if study is not None and len(shown.points):
         chosen = shown.points[farthest_points(shown.points, choose)]
-        output.write(study, study_text(facts, chosen, name=study.stem))
+        output.write(study, accepted_study(facts, chosen, name=study.stem))
     if plot is not None and len(shown.points) > 2:
         left = [item.left for item in ranges(facts, shown.points)]
         numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:MOST_PAIR_PARAMETERS])
@@ -97,7 +97,12 @@ def _axis(name: str, unit: str) -> tuple[str, float]:
 
 def match_record(found: "Matching", shown: "Survey") -> dict[str, Any]:
     """Return a matching for `--json`, in SI."""
-    from turnout.calibration.matching.survey import answer_rows, combinations, gains, ranges
+    from turnout.calibration.matching.survey import (
+        answer_rows,
+        combinations,
+        measurement_gains,
+        ranges,
+    )
 
     facts, points = found.facts, shown.points
     known = len(points) > 2
@@ -112,7 +117,9 @@ def match_record(found: "Matching", shown: "Survey") -> dict[str, Any]:
         "waves": waves(found),
         "ranges": ranges(facts, points) if known else [],
         "combinations": combinations(facts, points) if known else [],
-        "measurements": gains(facts, points, shown.measured, shown.answers) if known else [],
+        "measurements": measurement_gains(facts, points, shown.measured, shown.answers)
+        if known
+        else [],
         "answers": answer_rows(facts.answers, shown.answers) if known else [],
     }
 

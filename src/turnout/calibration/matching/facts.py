@@ -122,7 +122,7 @@ OF_MACHINES = "machine."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
+class UnknownValue:
     """A number of the panel that is not known.
 
     Attributes
@@ -226,7 +226,7 @@ class Facts:
         With the values that are not parameters.
     seed : int
         Of all random numbers.
-    parameters : tuple of Parameter
+    parameters : tuple of UnknownValue
         What is not known.
     facts, measurements, answers : tuple of Sum
         What must hold, what could be measured, and what is reported.
@@ -238,7 +238,7 @@ class Facts:
     description: str
     panel: LoadedPanel
     seed: int
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[UnknownValue, ...]
     facts: tuple[Sum, ...]
     measurements: tuple[Sum, ...]
     answers: tuple[Sum, ...]
@@ -373,7 +373,7 @@ class _Reader:
             self.problems.append(f"{where} = {show_value(value)}: {error}")
             return 0.0
 
-    def parameter(self, record: ParameterRecord, number: int) -> Parameter:
+    def parameter(self, record: ParameterRecord, number: int) -> UnknownValue:
         """Read a parameter and hold its keys against the panel."""
         where = f"parameter {number + 1} ({record.name})"
         dimension = SHARE
@@ -397,7 +397,7 @@ class _Reader:
             self.problems.append(f"{where}: minimum must be less than maximum")
         if record.scale == "log" and not bounds[0] > 0 and not self.problems:
             self.problems.append(f"{where}: a log scale needs a minimum of more than 0")
-        return Parameter(
+        return UnknownValue(
             name=record.name,
             keys=tuple(record.keys),
             complement=tuple(record.complement),
@@ -409,7 +409,7 @@ class _Reader:
             origin=self.origin("parameter", number, ("minimum", "maximum")),
         )
 
-    def measurement(self, record: Any, number: int, parameters: tuple[Parameter, ...]) -> Sum:
+    def measurement(self, record: Any, number: int, parameters: tuple[UnknownValue, ...]) -> Sum:
         """Read a measurement: of a parameter itself, or of a sum of measures."""
         if record.parameter is None:
             return self.sum("measurement", record, number)

@@ -431,7 +431,7 @@ def is_valid(facts: Facts, point: Floats) -> bool:
     return True
 
 
-def evaluate(
+def try_panel(
     facts: Facts, point: Floats, *, failures: int | None = None, mode: Mode = "quick"
 ) -> TriedPanel:
     """Return the values of the facts for the panel at a point of the unit cube.
@@ -724,7 +724,7 @@ def panel_facts() -> Facts:
 
 def _try(point: Floats, wave: int, number: int, share: float) -> TriedPanel:
     began = time.process_time()
-    found = evaluate(panel_facts(), point, failures=FAILURES if wave else None)
+    found = try_panel(panel_facts(), point, failures=FAILURES if wave else None)
     seconds = time.process_time() - began
     return replace(found, wave=wave, number=number, share=share, seconds=seconds)
 

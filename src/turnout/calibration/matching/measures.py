@@ -64,7 +64,7 @@ class Thrown:
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class ThrowMeasure:
     """A number of a throw.
 
     Attributes
@@ -273,65 +273,71 @@ def visible_size(thrown: Thrown, place: str) -> float:
     return seen
 
 
-MEASURES: Mapping[str, Measure] = {
-    "end force": Measure(FORCE, "mean force of a drive over the last 0.4 s", "drive", end_force),
-    "open force": Measure(FORCE, "force that holds the rail open at rest", "drive", open_force),
-    "peak opening force": Measure(
+MEASURES: Mapping[str, ThrowMeasure] = {
+    "end force": ThrowMeasure(
+        FORCE, "mean force of a drive over the last 0.4 s", "drive", end_force
+    ),
+    "open force": ThrowMeasure(
+        FORCE, "force that holds the rail open at rest", "drive", open_force
+    ),
+    "peak opening force": ThrowMeasure(
         FORCE, "largest effort on opening", "drive", _feature("peak_force", "opening")
     ),
-    "plateau force": Measure(
+    "plateau force": ThrowMeasure(
         FORCE,
         "median effort in the middle half of closing",
         "drive",
         _feature("plateau_force", "closing"),
     ),
-    "build-up": Measure(
+    "build-up": ThrowMeasure(
         FORCE_RATE,
         "slope from 10 to 90 % of the rise on closing",
         "drive",
         _feature("buildup_slope", "closing"),
     ),
-    "end gap": Measure(LENGTH, "raw gap at a drive at the end", "drive", end_gap),
-    "open gap": Measure(LENGTH, "gap at a drive at rest in the open position", "drive", open_gap),
-    "sensor gap": Measure(LENGTH, "gap at a sensor at the end", "sensor", sensor_gap),
-    "least sensor gap": Measure(
+    "end gap": ThrowMeasure(LENGTH, "raw gap at a drive at the end", "drive", end_gap),
+    "open gap": ThrowMeasure(
+        LENGTH, "gap at a drive at rest in the open position", "drive", open_gap
+    ),
+    "sensor gap": ThrowMeasure(LENGTH, "gap at a sensor at the end", "sensor", sensor_gap),
+    "least sensor gap": ThrowMeasure(
         LENGTH, "least gap at a sensor of the closing rail", "sensor", least_sensor_gap
     ),
-    "slip travel": Measure(
+    "slip travel": ThrowMeasure(
         LENGTH, "bushing beyond its slip level on closing, negative before", "drive?", slip_travel
     ),
-    "slip travel anywhere": Measure(
+    "slip travel anywhere": ThrowMeasure(
         LENGTH, "the same, in both directions", "drive?", slip_travel_anywhere
     ),
-    "lock excess": Measure(
+    "lock excess": ThrowMeasure(
         LENGTH, "by how much lock is missed, negative where it locks", "", lock_excess
     ),
-    "least margin": Measure(
+    "least margin": ThrowMeasure(
         SHARE, "least force margin as a share of the slip level", "drive?", least_margin
     ),
-    "least flangeway": Measure(LENGTH, "least distance for the wheel", "", flangeway),
-    "least gauge": Measure(
+    "least flangeway": ThrowMeasure(LENGTH, "least distance for the wheel", "", flangeway),
+    "least gauge": ThrowMeasure(
         LENGTH, "least track gauge less the nominal one, at the end of a movement", "", least_gauge
     ),
-    "closing current": Measure(
+    "closing current": ThrowMeasure(
         CURRENT,
         "largest current in the second half of closing, mean over 0.1 s, drives as machines",
         "drive",
         closing_current,
         by_machines=True,
     ),
-    "object force": Measure(FORCE, "largest force on the object", "", object_force),
-    "object end force": Measure(FORCE, "force on the object at the end", "", object_end_force),
-    "least chair load": Measure(
+    "object force": ThrowMeasure(FORCE, "largest force on the object", "", object_force),
+    "object end force": ThrowMeasure(FORCE, "force on the object at the end", "", object_end_force),
+    "least chair load": ThrowMeasure(
         FORCE, "largest load of the chair that carries least", "", least_chair_load
     ),
-    "throw warnings": Measure(
+    "throw warnings": ThrowMeasure(
         SHARE, "warnings of `turnout panel check` that follow from a throw", "", throw_warnings
     ),
-    "flutter warnings": Measure(
+    "flutter warnings": ThrowMeasure(
         SHARE, "warnings of `turnout panel check` about flutter", "", flutter_warnings, 40
     ),
-    "visible size": Measure(
+    "visible size": ThrowMeasure(
         LENGTH,
         "smallest object at a place that changes an end force by more than 50 N",
         "place",

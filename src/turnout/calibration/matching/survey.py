@@ -152,7 +152,7 @@ def fixed_direction(facts: Facts, points: Floats, *, most: int = 4) -> list[tupl
     return [(float(weights[number]), facts.parameters[number].name) for number in order]
 
 
-def gains(
+def measurement_gains(
     facts: Facts,
     points: Floats,
     measured: Floats,
@@ -233,7 +233,7 @@ def answer_rows(answers: Sequence[Sum], values: Floats) -> list[dict[str, float 
 DIGITS = 6
 
 
-def study_text(facts: Facts, points: Floats, *, name: str) -> str:
+def accepted_study(facts: Facts, points: Floats, *, name: str) -> str:
     """Return a study file that throws each of some panels once, without an object.
 
     Parameters

@@ -29,7 +29,7 @@ OBJECT, DRIVE = "object", "drive "
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Grid:
+class SharedBins:
     """Channels and bins of time that all movements share.
 
     Attributes
@@ -47,7 +47,7 @@ class Grid:
     bins: NDArray[np.intp]
 
     @classmethod
-    def of(cls, movements: Sequence[MeasuredMovement]) -> "Grid":
+    def of(cls, movements: Sequence[MeasuredMovement]) -> "SharedBins":
         """Return the grid from the onset to the end of the longest movement."""
         names = dict.fromkeys(channel_of(s) for item in movements for s in item.signals)
         time = movements[0].signals[0].time
@@ -127,7 +127,7 @@ def found_chain(dataset: xr.Dataset, calibration: Calibration) -> Mapping[str, t
 
 
 def through_chain(
-    forces: Floats, later: Floats, grid: Grid, chain: Mapping[str, tuple[float, float]]
+    forces: Floats, later: Floats, grid: SharedBins, chain: Mapping[str, tuple[float, float]]
 ) -> Floats:
     r"""Return forces as the chain of a campaign shows them.
 
@@ -139,7 +139,7 @@ def through_chain(
     ----------
     forces, later : ndarray, shape (n_channels, n_movements, n_times)
         Simulated [N], and their change with a later onset, :math:`-\dot F` [N/s].
-    grid : Grid
+    grid : SharedBins
         With channels and times from the onset.
     chain : mapping of str to (float, float)
         From `found_chain`.
@@ -149,7 +149,7 @@ def through_chain(
 
 
 def chain_directions(
-    forces: Floats, later: Floats, grid: Grid, chain: Mapping[str, tuple[float, float]]
+    forces: Floats, later: Floats, grid: SharedBins, chain: Mapping[str, tuple[float, float]]
 ) -> Floats:
     """Return what one deviation of gains, zeros and clock makes of forces [N]; as `through_chain`.
 
@@ -162,7 +162,7 @@ def chain_directions(
 
 
 def _of_chain(
-    grid: Grid, chain: Mapping[str, tuple[float, float]], which: int
+    grid: SharedBins, chain: Mapping[str, tuple[float, float]], which: int
 ) -> tuple[Floats, float, Floats]:
     """Return gains, clock and zeros, those of channels of shape (n_channels, 1, 1); 0 for none.
 
@@ -337,7 +337,7 @@ class Seen:
     ----------
     thrown : Misfit
         From `thrown_as_fitted`.
-    grid : Grid
+    grid : SharedBins
         On which forces are compared.
     chain : mapping of str to (float, float)
         Gains, zeros and clock as they were found: a sound prediction would differ by them.
@@ -346,7 +346,7 @@ class Seen:
     """
 
     thrown: Misfit
-    grid: Grid
+    grid: SharedBins
     chain: Mapping[str, tuple[float, float]]
     shifts: Floats = field(default_factory=lambda: np.zeros(0))
 

@@ -32,9 +32,9 @@ from turnout.calibration.validation.seen_throws import (
     OBJECT,
     OTHER_CHAIN,
     PREDICTING,
-    Grid,
     Report,
     Seen,
+    SharedBins,
     announce,
     chain_directions,
     found_chain,
@@ -218,7 +218,7 @@ def validate(
         When the campaign does not fit the panel, or no throw can be simulated.
     """
     movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
-    grid = Grid.of(movements)
+    grid = SharedBins.of(movements)
     chain = found_chain(dataset, calibration)
     model = _model(movements, grid, calibration, evaluator, chain, report)
     sheet = dataset.sel(movement=[item.name for item in movements])
@@ -342,7 +342,7 @@ def _used(calibration: Calibration) -> list[str]:
 
 def _model(
     movements: Sequence[MeasuredMovement],
-    grid: Grid,
+    grid: SharedBins,
     calibration: Calibration,
     evaluator: Evaluator,
     chain: Mapping[str, tuple[float, float]],
@@ -457,7 +457,7 @@ def _left_out(
     )
 
 
-def _noise(movements: Sequence[MeasuredMovement], grid: Grid) -> Floats:
+def _noise(movements: Sequence[MeasuredMovement], grid: SharedBins) -> Floats:
     known = {
         f"{DRIVE}{drive}" if drive else OBJECT: noise.total
         for (_, drive), noise in measured_noise(movements).items()
@@ -477,7 +477,7 @@ def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: ThrowScatt
     return spread.fillna(implied).assign_attrs(units="N", long_name="spread of repeats")
 
 
-def _array(grid: Grid, values: Floats, sheet: xr.Dataset) -> xr.DataArray:
+def _array(grid: SharedBins, values: Floats, sheet: xr.Dataset) -> xr.DataArray:
     kept = {key: ("movement", sheet[key].values) for key in SHEET if key in sheet.coords}
     coordinates = {
         "channel": list(grid.channels),
