@@ -89,7 +89,7 @@ def test_finer_throws_have_half_the_step_and_elements_half_as_long(
     panel, scheme = load_panel("sb1"), Scheme()
     with Evaluator(panel) as evaluator:
         plain = ThrowInputs(overrides={})
-        evaluator.responses([plain, replace(plain, halved=True), replace(plain, fine=True)])
+        evaluator.responses([plain, replace(plain, kind="halved"), replace(plain, kind="fine")])
     length, step = panel.discretisation.element_length, scheme.step
     modes = scheme.cutoff_frequency
     assert seen == [
@@ -98,5 +98,5 @@ def test_finer_throws_have_half_the_step_and_elements_half_as_long(
         (length / 2, step / 2, 4 * modes),
     ]
     with Evaluator(panel) as evaluator:
-        evaluator.responses([plain, replace(plain, quick=True), replace(plain, fine=True)])
+        evaluator.responses([plain, replace(plain, kind="quick"), replace(plain, kind="fine")])
     assert len(seen) == 6, "each kind is kept apart"

@@ -186,17 +186,17 @@ def test_throws_are_fine_where_a_fit_ends_and_plain_aside() -> None:
     whole = misfit(alike(1, seed=2))
     asked = listened(whole)
     refined = whole.refined(TRUE)
-    kinds = [(throw.halved, throw.fine) for throw, _ in asked]
+    kinds = [(throw.kind == "halved", throw.kind == "fine") for throw, _ in asked]
     assert kinds == [(False, False), (True, False), (False, True)]
     assert {value for _, value in asked} == {TRUE["k"]}
     asked.clear()
     refined.local(TRUE, ("k",))
     assert {value for _, value in asked} > {TRUE["k"]}
-    assert not any(throw.quick or throw.fine for throw, _ in asked)
+    assert not any(throw.kind in ("quick", "fine") for throw, _ in asked)
     asked.clear()
     whole.quick = True
     whole.local(TRUE, ("k",))
-    assert all(throw.quick and not throw.lean for throw, _ in asked)
+    assert all(throw.kind == "quick" for throw, _ in asked)
 
 
 def test_what_fine_throws_change_is_added_near_by() -> None:
@@ -217,11 +217,11 @@ def test_steps_of_parameters_with_priors_are_lean() -> None:
     asked = listened(whole)
     local = whole.local(TRUE, ("k",))
     # One aside and one where the fit is, whose difference is what counts.
-    assert sorted(value for throw, value in asked if throw.lean) == [
+    assert sorted(value for throw, value in asked if throw.kind == "lean") == [
         TRUE["k"],
         pytest.approx(TRUE["k"] * np.exp(0.01)),
     ]
-    assert not any(throw.quick for throw, _ in asked)
+    assert not any(throw.kind == "quick" for throw, _ in asked)
     assert local.stepped["k"][0] is not local.origin[0]
 
 
@@ -328,7 +328,7 @@ def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> Non
         whole = misfit(measured)
         thrown = listened(whole)
         found = fit(whole, PARAMETERS, TRUE)
-        seen[name] = any(throw.fine for throw, _ in thrown)
+        seen[name] = any(throw.kind == "fine" for throw, _ in thrown)
         reasons = distrust_reasons(found, spread_of(found))
         assert bool(reasons) == (name == "other")
     assert seen == {"right": True, "other": False}
@@ -358,7 +358,7 @@ def test_an_impact_that_the_model_misses_does_not_bend_the_fit() -> None:
 
 def test_throws_are_taken_up_from_the_folder(tmp_path: Path) -> None:
     panel = load_panel("sb1")
-    throw = ThrowInputs(overrides={"chair.friction_coefficient": 0.3}, quick=True)
+    throw = ThrowInputs(overrides={"chair.friction_coefficient": 0.3}, kind="quick")
     found = []
     for reused in (0, 1):
         with Evaluator(panel, folder=tmp_path) as evaluator:
@@ -407,8 +407,8 @@ class Discretised(MadeUp):
     """Is wrong by the square of the step and by modes that are left out, in the stiffness."""
 
     def values(self, throw: ThrowInputs) -> Mapping[str, object]:
-        steps = STEP_ERROR * (1.0 if throw.halved or throw.fine else 4.0)
-        modes = MODES_ERROR * (1.0 if throw.fine else 4.0**1.2)
+        steps = STEP_ERROR * (1.0 if throw.kind in ("halved", "fine") else 4.0)
+        modes = MODES_ERROR * (1.0 if throw.kind == "fine" else 4.0**1.2)
         k = float(str(throw.overrides["k"])) * (1.0 + steps - modes)
         return {**throw.overrides, "k": k}
 
@@ -439,7 +439,7 @@ def test_movements_of_one_place_and_size_share_fine_throws() -> None:
     whole.effects = {"mu": (0.0, 0.05, -0.02)}
     asked = listened(whole)
     whole.refined(TRUE)
-    (fine,) = {throw.overrides["mu"] for throw, _ in asked if throw.fine}
+    (fine,) = {throw.overrides["mu"] for throw, _ in asked if throw.kind == "fine"}
     assert fine == pytest.approx(1.01 * TRUE["mu"])
 
 

@@ -10,7 +10,7 @@ from tests.unit.test_calibration_fit import TRUE, movement, response
 
 from turnout.calibration.comparison import predicted
 from turnout.calibration.measured_movements import BIN, _Bins, _recorder
-from turnout.calibration.validation.seen_throws import Grid
+from turnout.calibration.validation.seen_throws import SharedBins
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import apply_chain, parse_channel_map
 from turnout.measurement.chain.recorder import LowPass, Recorder
@@ -81,7 +81,7 @@ def test_a_validation_has_the_recorder_that_a_fit_has() -> None:
     bare = movement("m", rng=np.random.default_rng(0))
     item = replace(bare, signals=(replace(bare.signals[0], recorder=recorder),))
     made = response(TRUE)
-    grid = Grid.of([item])
+    grid = SharedBins.of([item])
     seen = grid.predicted([item], [made], shifts=np.zeros(1))[0, 0]
     (signal,) = item.signals
     np.testing.assert_allclose(seen, predicted(made, item, signal, grid.bins))

@@ -104,10 +104,8 @@ def test_only_movements_whose_friction_changed_are_thrown_again() -> None:
 def test_finely_meshed_throws_of_a_place_go_to_one_process_and_first() -> None:
     scheme = Scheme()
     throws = [
-        ThrowInputs(
-            overrides={}, place=place, size=0.013, fine=kind == "fine", halved=kind == "half"
-        )
-        for kind in ("plain", "half", "fine")
+        ThrowInputs(overrides={}, place=place, size=0.013, kind=kind)
+        for kind in ("plain", "halved", "fine")
         for place in ("drive 1", "drive 2")
     ]
     jobs = [(str(number), throw, scheme) for number, throw in enumerate(throws)]
@@ -116,8 +114,8 @@ def test_finely_meshed_throws_of_a_place_go_to_one_process_and_first() -> None:
 
 
 def test_work_counts_what_each_kind_of_throw_takes() -> None:
-    kinds = ({"quick": True}, {"lean": True}, {}, {"halved": True}, {"fine": True})
-    works = [ThrowInputs(overrides={}, **kind).work for kind in kinds]
+    assert list(evaluate.WORK) == ["quick", "lean", "plain", "halved", "fine"]
+    works = list(evaluate.WORK.values())
     assert works[0] == 1.0
     assert works == sorted(works)
 
@@ -139,7 +137,7 @@ def test_processes_begin_before_there_is_anything_to_throw(
 def test_an_evaluator_throws_with_processes_that_it_is_given(tmp_path: Path) -> None:
     panel = load_panel("sb1")
     throws: Sequence[ThrowInputs] = [
-        ThrowInputs(overrides={"chair.friction_coefficient": mu}, quick=True) for mu in (0.3, 0.4)
+        ThrowInputs(overrides={"chair.friction_coefficient": mu}, kind="quick") for mu in (0.3, 0.4)
     ]
     with (
         throw_processes(panel, 2, tmp_path / "none") as processes,

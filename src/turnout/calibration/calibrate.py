@@ -28,13 +28,7 @@ from turnout.calibration.causes import (
 )
 from turnout.calibration.comparison import Comparison, Uncertainty, measured_noise
 from turnout.calibration.covariance import Spread, spread_of
-from turnout.calibration.evaluate import (
-    FINE_WORK,
-    HALVED_WORK,
-    LEAN_WORK,
-    PLAIN_WORK,
-    Evaluator,
-)
+from turnout.calibration.evaluate import WORK, Evaluator
 from turnout.calibration.fit import (
     MAX_PASSES,
     MAX_STEPS,
@@ -172,25 +166,25 @@ def _joint_work(chosen: Sequence[MeasuredMovement], parameters: Sequence[Paramet
     leading = min(len(chosen), JOINT_MOVEMENTS)
     slopes = THROWN_SLOPES * len(parameters) + OBJECT_SLOPES
     joining = JOINING_THROWS if len(chosen) > leading else 0
-    last = sum(LEAN_WORK if item.prior else PLAIN_WORK for item in parameters)
-    last += OBJECT_SLOPES * LEAN_WORK / THROWN_SLOPES
+    last = sum(WORK["lean"] if item.prior else WORK["plain"] for item in parameters)
+    last += OBJECT_SLOPES * WORK["lean"] / THROWN_SLOPES
     return (
-        leading * (ROUGH_THROWS + ROUGH_SLOPES * slopes + NEAR_THROWS * PLAIN_WORK)
-        + len(chosen) * (joining + END_THROWS * PLAIN_WORK)
-        + _distinct(chosen) * (THROWN_SLOPES * last + HALVED_WORK + FINE_WORK)
+        leading * (ROUGH_THROWS + ROUGH_SLOPES * slopes + NEAR_THROWS * WORK["plain"])
+        + len(chosen) * (joining + END_THROWS * WORK["plain"])
+        + _distinct(chosen) * (THROWN_SLOPES * last + WORK["halved"] + WORK["fine"])
     )
 
 
 def advice_work(movements: int, parameters: int) -> float:
     """Return what advice usually takes [quick throws]."""
-    return PLAIN_WORK * (movements + CANDIDATES * (parameters + 1))
+    return WORK["plain"] * (movements + CANDIDATES * (parameters + 1))
 
 
 def work_per_step(
     plan: CalibrationPlan, movements: Sequence[MeasuredMovement], panel: LoadedPanel
 ) -> float:
     """Return what one step of the last stage takes without slopes [quick throws]."""
-    return PLAIN_WORK * len(selected(movements, plan.stages[-1].movements, panel))
+    return WORK["plain"] * len(selected(movements, plan.stages[-1].movements, panel))
 
 
 def work_of_search(found: Fit, panel: LoadedPanel) -> float:
@@ -203,7 +197,7 @@ def work_of_search(found: Fit, panel: LoadedPanel) -> float:
     for cause in candidate_causes(panel, found.parameters, found.misfit.movements):
         if cause.shape is None:
             tries += len(cause.parameters) if cause.smooth else max(len(cause.tries), 1)
-    each = tries + CAUSE_STEPS + 2 * PLAIN_WORK * (count + 2)
+    each = tries + CAUSE_STEPS + 2 * WORK["plain"] * (count + 2)
     return len(found.misfit.movements) * each
 
 
@@ -255,7 +249,7 @@ class ProgressReporter:
 
     def begin_advice(self, final: Fit, evaluator: Evaluator) -> None:
         """Note that advice about a fit comes after the stages."""
-        self.stage, self.per_step = "advice", PLAIN_WORK
+        self.stage, self.per_step = "advice", WORK["plain"]
         further = advice_work(len(final.misfit.movements), len(final.parameters))
         self.planned = evaluator.work + further
 

@@ -39,8 +39,12 @@ LATE = "a machine had not arrived when the next movement was to begin: let that 
 FINE, FINE_MODES, FINE_MESH = 0.5, 4.0, 0.5
 # Quick throws stand in for plain ones near by, so they dissipate as much at high frequencies.
 QUICK = Scheme.of("quick", spectral_radius=Scheme().spectral_radius)
-# What each kind takes of processor time, in quick throws.
-LEAN_WORK, PLAIN_WORK, HALVED_WORK, FINE_WORK = 2.0, 3.5, 10.0, 18.0
+# Kinds of throws, and what each takes of processor time, in quick throws: by the quick scheme; with
+# the steps of the scheme but the modes of the quick one, where forces are off by a constant and
+# differences between throws are not; as the scheme says; with half its step and elements half as
+# long; and with modes to four times the frequency as well, where a fit ends.
+WORK = {"quick": 1.0, "lean": 2.0, "plain": 3.5, "halved": 10.0, "fine": 18.0}
+WITH_HALF_ELEMENTS = ("halved", "fine")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,30 +57,14 @@ class ThrowInputs:
         Changes of the panel, in SI.
     place, size : str, float
         Of the object; "none" and 0 without one [m].
-    quick : bool
-        Whether the quick scheme of the evaluator is good enough.
-    halved : bool
-        Whether steps are half as long as its scheme says, and elements as the panel does.
-    fine : bool
-        Whether modes go four times as high as well: where a fit ends.
-    lean : bool
-        Whether the steps are those of its scheme, but the modes those of the quick one: forces are
-        off by a constant, differences between throws are not.
+    kind : str
+        Of `WORK`.
     """
 
     overrides: Mapping[str, object]
     place: str = "none"
     size: float = 0.0
-    quick: bool = False
-    halved: bool = False
-    fine: bool = False
-    lean: bool = False
-
-    @property
-    def work(self) -> float:
-        """Processor time that it takes, in quick throws, roughly."""
-        kinds = (self.fine, FINE_WORK), (self.halved, HALVED_WORK), (self.lean, LEAN_WORK)
-        return next((work for this, work in kinds if this), 1.0 if self.quick else PLAIN_WORK)
+    kind: str = "plain"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,7 +133,7 @@ class Evaluator:
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
     _running: ExitStack = field(default_factory=ExitStack)
     _processes: Workers = field(default_factory=lambda: Workers(0))
-    _shared: dict[tuple[bool, ...], str] = field(default_factory=dict)
+    _shared: dict[str, str] = field(default_factory=dict)
 
     def __enter__(self) -> Self:
         """Make the folder; processes start when there is something to do."""
@@ -182,13 +170,13 @@ class Evaluator:
             else:
                 self._known[key] = stored
                 self.reused += 1
-                self.work += throw.work
+                self.work += WORK[throw.kind]
         for key, response in self._made(missing):
             if self.folder is not None:
                 self._write(key, packed(response, key))
             self._known[key] = response
             self.made += 1
-            self.work += missing[key].work
+            self.work += WORK[missing[key].kind]
             if self.on_throw is not None:
                 self.on_throw()
         found = [self._known[key] for key in keys]
@@ -202,7 +190,7 @@ class Evaluator:
             self.on_step(rms)
 
     def _made(self, missing: Mapping[str, ThrowInputs]) -> Iterator[tuple[str, Response]]:
-        jobs = [(key, throw, self._scheme_of(throw)) for key, throw in missing.items()]
+        jobs = [(key, throw, self._scheme_of(throw.kind)) for key, throw in missing.items()]
         processes = self._processes
         if processes.count < 1 or (len(jobs) <= 1 and processes.idle):
             for key, throw, scheme in jobs:
@@ -212,23 +200,20 @@ class Evaluator:
         for _, found in processes.run(messages):
             yield from found
 
-    def _scheme_of(self, throw: ThrowInputs) -> Scheme:
-        if throw.fine:
-            return replace(
-                self.scheme,
-                step=FINE * self.scheme.step,
-                cutoff_frequency=FINE_MODES * self.scheme.cutoff_frequency,
-            )
-        if throw.halved:
-            return replace(self.scheme, step=FINE * self.scheme.step)
-        if throw.lean:
-            return replace(self.scheme, cutoff_frequency=self.quick.cutoff_frequency)
-        return self.quick if throw.quick else self.scheme
+    def _scheme_of(self, kind: str) -> Scheme:
+        if kind == "quick":
+            return self.quick
+        cutoff = self.quick.cutoff_frequency if kind == "lean" else self.scheme.cutoff_frequency
+        return replace(
+            self.scheme,
+            step=self.scheme.step * (FINE if kind in WITH_HALF_ELEMENTS else 1.0),
+            cutoff_frequency=cutoff * (FINE_MODES if kind == "fine" else 1.0),
+        )
 
     def _key(self, throw: ThrowInputs) -> str:
         return content_hash(
             {
-                "by": self._by(throw),
+                "by": self._by(throw.kind),
                 "overrides": {  # as plain data, whose text is unique to its value
                     key: value if isinstance(value, str | int | float | bool) else repr(value)
                     for key, value in throw.overrides.items()
@@ -237,15 +222,14 @@ class Evaluator:
             }
         )
 
-    def _by(self, throw: ThrowInputs) -> str:
-        """Return a hash of what throws of this kind share."""
-        kind = (throw.quick, throw.halved, throw.fine, throw.lean)
+    def _by(self, kind: str) -> str:
+        """Return a hash of what throws of a kind share."""
         if kind not in self._shared:
             self._shared[kind] = content_hash(
                 {
                     "panel": self.panel.hash,
-                    "scheme": asdict(self._scheme_of(throw)),
-                    "mesh": FINE_MESH if throw.halved or throw.fine else 1.0,
+                    "scheme": asdict(self._scheme_of(kind)),
+                    "mesh": FINE_MESH if kind in WITH_HALF_ELEMENTS else 1.0,
                     "version": f"{version()} {STORED_VERSION}",
                 }
             )
@@ -283,7 +267,7 @@ def _messages(jobs: Sequence[Job]) -> list[list[Job]]:
     """
     places, single = dict[str, list[Job]](), list[list[Job]]()
     for job in jobs:
-        if job[1].halved or job[1].fine:
+        if job[1].kind in WITH_HALF_ELEMENTS:
             places.setdefault(job[1].place, []).append(job)
         else:
             single.append([job])
@@ -341,7 +325,7 @@ def simulate_throw(panel: LoadedPanel, throw: ThrowInputs, scheme: Scheme) -> Re
     """Simulate one throw of a panel; what goes wrong with it comes back as its failure."""
     try:
         overrides = dict(throw.overrides)
-        if throw.halved or throw.fine:
+        if throw.kind in WITH_HALF_ELEMENTS:
             length = panel.discretisation.element_length
             overrides["discretisation.element_length"] = FINE_MESH * length
         changed = panel.with_overrides(overrides) if overrides else panel

@@ -100,8 +100,6 @@ class Misfit:
     refinement : tuple of Refined
         Of each movement near the end, thrown as the scheme says and more finely: what this changes
         is added to every response. None away from there.
-    lean : bool
-        Whether throws are lean.
     same_slope : float
         Within this of where steps aside were taken they are not thrown again [coordinate].
     """
@@ -117,7 +115,6 @@ class Misfit:
     always: tuple[str, ...] = ()
     quick: bool = False
     refinement: tuple[Refined, ...] = ()
-    lean: bool = False
     same_slope: float = SAME_SLOPE
 
     def residuals_of(self, responses: Sequence[Response], frame: "Frame") -> Floats:
@@ -166,16 +163,15 @@ class Misfit:
 
     def refined(self, values: Mapping[str, float], *, halved: bool = True) -> "Misfit":
         """Return this with what finer throws change at values, half the step alone if wanted."""
-        like = replace(self._repeated_alike(), quick=False)
-        throws = [like._throw(n, {**self.base, **values}) for n in range(len(self.movements))]
+        like = self._repeated_alike()
+        count, whole = len(self.movements), {**self.base, **values}
         made = self.evaluator.responses(
             [
-                replace(item, halved=kind == "halved", fine=kind == "fine")
+                like._throw(number, whole, kind)
                 for kind in ("plain", "halved" if halved else "plain", "fine")
-                for item in throws
+                for number in range(count)
             ]
         )
-        count = len(throws)
         pairs = zip(made[:count], made[count : 2 * count], made[2 * count :], strict=True)
         return replace(
             self, refinement=tuple(Refined(plain=a, halved=b, fine=c) for a, b, c in pairs)
@@ -212,7 +208,7 @@ class Misfit:
             response = self.refinement[number].added(response)
         return response if self.shape is None else self.shape(response, values)
 
-    def _throw(self, number: int, values: Mapping[str, float]) -> ThrowInputs:
+    def _throw(self, number: int, values: Mapping[str, float], kind: str = "") -> ThrowInputs:
         movement = self.movements[number]
         mine = {
             name: values[name] * (1.0 + shares[number])
@@ -227,8 +223,7 @@ class Misfit:
             overrides=overrides,
             place=place,
             size=size,
-            quick=self.quick,
-            lean=self.lean,
+            kind=kind or ("quick" if self.quick else "plain"),
         )
 
     def local(self, values: Mapping[str, float], vary: Sequence[str]) -> Linearisation:
@@ -440,16 +435,15 @@ class Misfit:
         wanted: list[tuple[Parameter, int, bool]] = []
         throws = []
         found = {p.name: list(here) for p in stepped}
-        light = replace(self, lean=True)
         for p in stepped:
             values = {**whole, p.name: aside[p.name]}
             lean = p.prior > 0.0 and not (self.quick or is_of_object(p))
             for number in numbers:
                 if self._acts(p, number, whole, here[number]):
                     wanted.append((p, number, lean))
-                    throws.append((light if lean else self)._throw(number, values))
+                    throws.append(self._throw(number, values, "lean" if lean else ""))
         origins = sorted({number for _, number, lean in wanted if lean})
-        throws += [light._throw(number, whole) for number in origins]
+        throws += [self._throw(number, whole, "lean") for number in origins]
         made = self.evaluator.responses(throws)
         before = {
             number: self._shaped(number, response, whole)

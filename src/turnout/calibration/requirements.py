@@ -279,8 +279,8 @@ def panel_rod_check(movements: Sequence[MeasuredMovement], evaluator: Evaluator)
     loaded = [loaded[number] for number in sorted(spread(len(loaded), MOST))]
     if not loaded:
         return RodCheck()
-    inputs = [ThrowInputs(overrides={}, quick=True)]
-    inputs += [ThrowInputs(overrides={}, place=i.place, size=i.size, quick=True) for i in loaded]
+    inputs = [ThrowInputs(overrides={}, kind="quick")]
+    inputs += [ThrowInputs(overrides={}, place=i.place, size=i.size, kind="quick") for i in loaded]
     plain, *responses = evaluator.responses(inputs)
     votes, strong = [], []
     for item, response in zip(loaded, responses, strict=True):
