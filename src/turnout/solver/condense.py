@@ -88,14 +88,8 @@ def split_blocks(mechanism: Mechanism, laws: LawTable) -> tuple[Block, ...]:
         ]
         inside = touched[:, groups == group].any(axis=1)
         idle = ~touched.any(axis=1) & (first_touched == group)
-        blocks.append(
-            Block(
-                coordinates=np.concatenate(
-                    [np.arange(rail.first, rail.first + rail.count) for rail in members]
-                ),
-                rows=np.flatnonzero(inside | idle),
-            )
-        )
+        own = [np.arange(rail.first, rail.first + rail.count) for rail in members]
+        blocks.append(Block(np.concatenate(own), np.flatnonzero(inside | idle)))
     return tuple(blocks)
 
 

@@ -28,7 +28,7 @@ that they hold between the steps too.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -46,9 +46,9 @@ from turnout.kernels.lanes import (
     whole_lines,
     zeros_in_lines,
 )
-from turnout.kernels.shared_record import clone_record, shared_record
+from turnout.kernels.shared_record import shared_record
 from turnout.kernels.vector import copy, gather_all
-from turnout.law.obstruction import Obstructions, no_obstructions
+from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.solver.condense import CondensedRails
 from turnout.solver.energy import LEDGER
@@ -437,34 +437,21 @@ def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
     arrays["v"] = np.zeros((plan.count if plan.velocity else 1, arrays["q"].shape[1]))
+    cached = not plan.watches and LEAST_CACHED <= 8 * total <= MOST_CACHED
+    record = StepRecord(**arrays, residual=np.zeros(1), cached=np.array([int(cached)]))
     if plan.watches:
         weights, laws_saved = plan.weights, plan.save_at.laws
         longest = max(part.size for part in weights.values() if part.ndim == 1)
-        seen = empty_in_lines(plan.counts[1] + plan.further, weights["seen_load"].size)
-        return shared_record(
-            StepRecord(
-                **arrays,
-                **weights,
-                residual=np.zeros(1),
-                places=plan.places,
-                given=np.array(plan.counts),
-                watched=np.asarray(laws_saved, dtype=np.int64),
-                effort=np.empty((len(laws_saved), plan.places.shape[0])),
-                seen=seen,
-                picked=np.zeros(longest),
-            )
+        record = record._replace(
+            **weights,
+            places=plan.places,
+            given=np.array(plan.counts),
+            watched=np.asarray(laws_saved, dtype=np.int64),
+            effort=np.empty((len(laws_saved), plan.places.shape[0])),
+            seen=empty_in_lines(plan.counts[1] + plan.further, weights["seen_load"].size),
+            picked=np.zeros(longest),
         )
-    record = clone_record(_empty_record(), **arrays)
-    record.cached[0] = LEAST_CACHED <= 8 * total <= MOST_CACHED
-    return record
-
-
-@cache
-def _empty_record() -> StepRecord:
-    """Return a record of no instant, of which those of all instants are clones."""
-    names = ("q", "g", "friction", "law", "stored", "ledger", "v")
-    nothing: dict[str, Any] = dict.fromkeys(names, np.zeros((0, 0)))
-    return shared_record(StepRecord(**nothing, residual=np.zeros(1)))
+    return shared_record(record)
 
 
 def trim_record(run: Run, count: int, plan: SavePlan) -> StepRecord:
@@ -485,14 +472,9 @@ def trim_record(run: Run, count: int, plan: SavePlan) -> StepRecord:
     )
 
 
-_NO_OBSTRUCTIONS = no_obstructions()
-
-
 def kept_obstructions(found: Obstructions) -> Obstructions:
-    """Return obstructions apart from the memory of their run; all runs share those of none."""
-    if found.law.size == 0:
-        return _NO_OBSTRUCTIONS
-    return Obstructions(**{name: getattr(found, name).copy() for name in Obstructions._fields})
+    """Return obstructions apart from the memory of their run."""
+    return Obstructions(*(getattr(found, name).copy() for name in Obstructions._fields))
 
 
 def interpolate_record(

@@ -295,7 +295,7 @@ def condensed_system(
         mode_start=places.mode_start,
         mode_place=_number_mode_places(places),
         follower_start=places.follower_start,
-        slot_start=np.concatenate(([0], np.cumsum([p.block.rows.size for p in parts]))),
+        slot_start=_cumulate([part.block.rows.size for part in parts]),
         block_of_end=_number_blocks(places),
         row_ends=places.row_ends,
         row_place=as_unsigned(row_place),
@@ -443,13 +443,8 @@ def _number_mode_places(places: Places) -> Ints:
 
 def _number_blocks(places: Places) -> Ints:
     """Return the number of the block of every end and mode."""
-    blocks = np.arange(places.end_stop.size)
-    return np.concatenate(
-        (
-            np.repeat(blocks, np.diff(places.end_start)),
-            np.repeat(blocks, np.diff(places.follower_start)),
-        )
-    )
+    counts = np.concatenate((np.diff(places.end_start), np.diff(places.follower_start)))
+    return np.repeat(np.tile(np.arange(places.end_stop.size), 2), counts)
 
 
 def _assemble_followers(places: Places) -> dict[str, Any]:
@@ -489,7 +484,7 @@ def _assemble_patterns(laws: LawTable, places: Places) -> dict[str, Any]:
             pattern += of_row
             number += [term] * len(of_row)
         patterns.append(pattern)
-    start, flat = _compress_terms(patterns)
+    start, flat = _cumulate([len(x) for x in patterns]), [one for x in patterns for one in x]
     ends = np.array([end for end, _ in flat], dtype=np.int64)
     block = np.searchsorted(places.end_start, ends, side="right") - 1
     term_start, term_list = _compress(rows)
@@ -543,10 +538,5 @@ def _invert(targets: Ints, count: int) -> list[list[int]]:
 
 def _compress(lists: list[list[int]]) -> tuple[Ints, Ints]:
     """Return a ragged list in compressed form: starts, then all entries."""
-    start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
+    start = _cumulate([len(x) for x in lists])
     return start, np.array([i for x in lists for i in x], dtype=np.int64)
-
-
-def _compress_terms(lists: Sequence[Terms]) -> tuple[Ints, Terms]:
-    start = np.concatenate(([0], np.cumsum([len(x) for x in lists]))).astype(np.int64)
-    return start, [term for terms in lists for term in terms]
