@@ -42,9 +42,6 @@ from turnout.measurement.chain.channel_map import (
 from turnout.measurement.chain.condition import SAME_STEP, common_time, resample, tare
 from turnout.measurement.recording import RecordedChannel, Recording, whole_rate
 
-# Arms that work in a bridge, as multiples of one gauge along the strain.
-FULL_BENDING, HALF_BENDING, QUARTER = 4.0, 2.0, 1.0
-
 
 @dataclass(frozen=True, slots=True)
 class SensorLine:
@@ -90,13 +87,8 @@ def bridge_arms(bridge: str, poisson_ratio: float) -> float:
     >>> bridge_arms("full T", 0.3)
     2.6
     """
-    arms = {
-        "full T": 2.0 * (1.0 + poisson_ratio),
-        "full bending": FULL_BENDING,
-        "half bending": HALF_BENDING,
-        "quarter": QUARTER,
-    }
-    return arms[bridge]
+    along = {"full bending": 4.0, "half bending": 2.0, "quarter": 1.0}
+    return 2.0 * (1.0 + poisson_ratio) if bridge == "full T" else along[bridge]
 
 
 def force_per_strain(sensor: StrainBridge) -> float:
@@ -295,7 +287,9 @@ def load_channel_map(name_or_path: Path | str) -> ChannelMap:
     >>> load_channel_map("two-rods").drive_current["1"].sensitivity
     0.1
     """
-    return parse_channel_map(_open(name_or_path))
+    if names_a_file(name_or_path):
+        require_regular_file(user_path(name_or_path))
+    return parse_channel_map(open_toml("turnout.measurement", name_or_path, kind="channel map"))
 
 
 def parse_channel_map(file: TomlFile) -> ChannelMap:
@@ -479,12 +473,6 @@ def stated_uncertainties(channel_map: ChannelMap) -> dict[str, float]:
         for key, dimension, sensor in sensors(channel_map)
         if dimension is FORCE and sensor.gain_uncertainty is not None
     }
-
-
-def _open(name_or_path: Path | str) -> TomlFile:
-    if names_a_file(name_or_path):
-        require_regular_file(user_path(name_or_path))
-    return open_toml("turnout.measurement", name_or_path, kind="channel map")
 
 
 @dataclass(frozen=True, slots=True)

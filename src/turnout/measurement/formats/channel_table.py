@@ -275,7 +275,9 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
     With `any_name` it may be one of texts that occur equally often, or of numbers, each once at
     each time, unless a rate is stated.
     """
-    numbered = {p: v.tolist() for p, v in table.values.items() if any_name and _are_numbers(v)}
+    numbered = {
+        p: v.tolist() for p, v in table.values.items() if any_name and np.all(v == np.rint(v))
+    }
     for place, cells in {**table.texts, **numbered}.items():
         counts_of = Counter(cells)
         if not 1 < len(counts_of) <= min(_MOST_SIGNALS, len(cells) / 2):
@@ -291,10 +293,6 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
             table.problems.append(f"column '{shown}' is taken for the number of the channel")
             return place
     return None
-
-
-def _are_numbers(values: Floats) -> bool:
-    return bool(np.all(values == np.rint(values)))
 
 
 def _numbers_signals(table: Table, place: int) -> bool:

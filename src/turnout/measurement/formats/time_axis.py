@@ -318,7 +318,8 @@ def stamps_axis(texts: Sequence[str]) -> TimeAxis:
             pass
         else:
             axis = moments_axis(moments.to_numpy())
-            return _unwrapped(axis.seconds, axis.begin, zoned=_zoned(texts[0]), wrap=DAY)
+            zoned = re.search(r"Z|[+-]", texts[0][10:]) is not None
+            return _unwrapped(axis.seconds, axis.begin, zoned=zoned, wrap=DAY)
     rows = [_parts(text, number) for number, text in enumerate(texts, start=1)]
     days = _days([date for date, _ in rows], _month_first(rows), texts)
     clocks = [clock for _, clock in rows]
@@ -330,10 +331,6 @@ def stamps_axis(texts: Sequence[str]) -> TimeAxis:
     seconds = (seconds - seconds[0]) + DAY * (days - days[0])
     zoned = any("z" in clock for clock in clocks)
     return _unwrapped(seconds, begin, zoned=zoned, wrap=DAY if "h" in clocks[0] else HOUR)
-
-
-def _zoned(text: str) -> bool:
-    return text.endswith("Z") or text[10:].count("+") + text[10:].count("-") > 0
 
 
 def _parts(text: str, number: int) -> tuple[Parts, Parts]:
