@@ -128,6 +128,18 @@ def test_a_phase_that_is_missing_is_named() -> None:
         apply_chain(recording(("I1", "A")), channel_map)
 
 
+def test_powers_of_phases_are_summed_and_currents_are_not() -> None:
+    """A third of the power would be taken for a machine with another circuit."""
+    text = "".join(
+        f'[drive_{what}.1]\ncolumn = "{x}1"\nphases = ["{x}2", "{x}3"]\nkind = "scaled"\n'
+        for what, x in (("current", "I"), ("power", "P"))
+    )
+    columns = [(f"{x}{k}", unit) for x, unit in (("I", "A"), ("P", "W")) for k in (1, 2, 3)]
+    found = apply_chain(recording(*columns), parse_channel_map(parse_toml(text, source="map")))
+    current, power = (float(found[f"drive_{what}"][0, -1]) for what in ("current", "power"))
+    assert power == pytest.approx(3.0 * current) == pytest.approx(3e-3)
+
+
 def test_rows_say_what_a_unit_stands_for() -> None:
     given = recording(("Rod 1", "mV/V"), ("Rod 2", "mV/V"), ("Clamp 1", "V"), ("Clamp 2", "V"))
     channel_map = load_channel_map("two-rods")

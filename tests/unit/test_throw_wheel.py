@@ -1,6 +1,7 @@
 """A wheel over a closed rail: figures of a beam study, courses, routes, bad input, faces."""
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -124,7 +125,7 @@ def test_all_that_is_not_allowed_is_said_at_once() -> None:
     text = str(error.value)
     for words in (
         *("has no [gauge]", "rail x: is no switch rail", "lateral = -5000 N", "vertical = nan N"),
-        *("step = 1 m: must be more than 0, at most 0.3 m", "course = 'up': allowed are facing"),
+        *("step = 1 m: must be 0.02 to 0.3 m", "course = 'up': allowed are facing"),
     ):
         assert words in text
 
@@ -269,3 +270,28 @@ def test_bad_input_is_one_message(words: tuple[str, ...], said: str) -> None:
     code, _, text = run(*words)
     assert code != 0
     assert said in text
+
+
+def test_limits_of_a_file_decide(tmp_path: Path) -> None:
+    limits = tmp_path / "own.toml"
+    for narrowing, word, ends in (("2 mm", "TOO NARROW", 1), ("30 mm", "at least 1405 mm", 0)):
+        limits.write_text(
+            'schema_version = 1\nname = "own"\n'
+            f'[[class]]\nup_to = "80 km/h"\nnarrowing = "{narrowing}"\n'
+        )
+        code, out, _ = run("--limits", str(limits), "--strict", "--step", "0.3 m")
+        assert (code, word in out) == (ends, True), out
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"lateral": []}, "lateral = none"),
+        ({"lateral": 1e9}, "at most 500 kN"),
+        ({"lateral": 5e3, "step": 1e-3}, "must be 0.02 to 0.3 m"),
+        ({"lateral": 5e3, "offset": 10.0}, "within 0.1 m of the edge"),
+    ],
+)
+def test_loads_beyond_any_wheel_are_refused(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(ResponseError, match=re.escape(said)):
+        gauge_under_wheel(load_panel("uic60-760-1-15"), **given)

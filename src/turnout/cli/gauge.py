@@ -79,7 +79,7 @@ def gauge_command(
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
     from turnout.metric.least_gauge import least_gauges
     from turnout.panel.foreign_object import parse_objects
-    from turnout.panel.gauge_limits import limits_of, load_gauge_limits
+    from turnout.panel.gauge_limits import limits_of, load_gauge_limits, with_limits
 
     loaded, foreign, classes, forces, lengths = collect_errors(
         panel.opened,
@@ -93,7 +93,7 @@ def gauge_command(
 
     try:
         dataset = gauge_under_wheel(
-            loaded,
+            loaded if classes is None else with_limits(loaded, classes),
             lateral=forces[0],
             vertical=forces[1],
             foreign_object=foreign,
@@ -156,9 +156,8 @@ def gauge_lines(
         )
     slipping = {name for item in found for name in item.slipping}
     if slipping:
-        text = (
-            f"drive {' and '.join(sorted(slipping))} reaches its saturation force under the wheel"
-        )
+        reach = "reaches its" if len(slipping) == 1 else "reach their"
+        text = f"drive {' and '.join(sorted(slipping))} {reach} saturation force under the wheel"
         yield f"{'drives':<16}{text}"
     least, limit = _least(found), float(attributes["gauge_limit"])
     if limit == limit:

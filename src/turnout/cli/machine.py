@@ -458,6 +458,9 @@ def _of_drives(
             form = f"DRIVE='{dimension.example}{' +- ...' if needed else ''}'"
             problems.append(f'{option} "{text}": must be {form}, with unit and deviation')
             continue
+        if drive.strip() in found:
+            problems.append(f'{option} "{text}": drive {drive.strip()} has one already')
+            continue
         try:
             found[drive.strip()] = {
                 name: parse_quantity(part.strip(), known[name]) for name, part in parts.items()

@@ -25,11 +25,14 @@ def three_phase_record(fits: Sequence["ThreePhaseFit"]) -> dict[str, Any]:
     machines = []
     for fit in fits:
         values = {name: getattr(fit, name) for name in QUANTITIES}
-        reasons = {n: v.reason for n, v in values.items() if hasattr(v, "reason")}
+        unknown = {n: v for n, v in values.items() if hasattr(v, "reason")}
+        reasons = {name: value.reason for name, value in unknown.items()}
+        ranges = {n: [v.low, v.high] for n, v in unknown.items() if math.isfinite(v.low)}
         machines.append(
             picked(fit, "drive", "throws", "missing", "voltage", "power", "rated_voltage")
             | {name: None if name in reasons else value for name, value in values.items()}
-            | {"not_identified": reasons, "leakage": fit.leakage, "verdict": fit.verdict}
+            | {"not_identified": reasons, "ranges": ranges}
+            | {"leakage": fit.leakage, "verdict": fit.verdict}
             | {"left_by_circuit": fit.left[0], "left_by_line": fit.left[1]}
         )
     return {"drives": [], "three_phase": machines, "not_separated": list(NOT_SEPARATED)}
@@ -43,7 +46,7 @@ def three_phase_lines(fits: Sequence["ThreePhaseFit"]) -> list[str]:
     for fit in fits:
         without = f"; not recorded: {', '.join(fit.missing)}" if fit.missing else ""
         lines.append(f"drive {fit.drive} ({fit.throws} throws{without}), as the recorder sees it")
-        lines += [f"  {name:<15}{text}" for name, text in _rows(fit)]
+        lines += [f"  {name:<17}{text}" for name, text in _rows(fit)]
     return [*lines, "not separated", *(f"  {text}" for text in NOT_SEPARATED)]
 
 
@@ -77,6 +80,8 @@ def _stated(
 ) -> str:
     """Return value and 95 % interval, or why there is none."""
     if hasattr(value, "reason"):
-        return f"not identified: {value.reason}"
+        low, high = (f"{scale * v:.{digits}f}" for v in (value.low, value.high))
+        known = f"somewhere from {low} to {high} {unit}".rstrip() + "; "
+        return f"not identified: {known if math.isfinite(value.low) else ''}{value.reason}"
     shown = [f"{scale * v:.{digits}f}" for v in (value.value, value.low, value.high)]
     return f"{shown[0]}{f' {unit}' if unit else ''} [{shown[1]}, {shown[2]}], {what}"

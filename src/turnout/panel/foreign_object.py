@@ -433,11 +433,11 @@ def _read_pairs(text: str, pairs: Iterable[str]) -> dict[str, Any]:
         elif key not in allowed:
             what = f'"{text}": an object has no "{key}"'
             problems.append(f"{what}{nearest(key, allowed)}; there are {choices(allowed)}")
-        elif key == "piece":
+        elif key in ("piece", "face_slope"):
             try:
                 found[key] = float(value)
             except ValueError:
-                problems.append(f'piece = "{value}": must be a plain number')
+                problems.append(f'{key} = "{value}": must be a plain number')
         else:
             found[key] = value
     if problems:

@@ -4,8 +4,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError
 
@@ -17,7 +18,9 @@ from turnout.core.quantity import Record
 from turnout.core.units import SI
 from turnout.panel.check_rails import rising_fault
 from turnout.panel.document import Document
-from turnout.panel.model import GaugeClass, TrackGauge
+from turnout.panel.model import GaugeClass, Panel, TrackGauge
+
+PanelT = TypeVar("PanelT", bound=Panel)
 
 DEFAULT_LIMITS = "immediate-action"
 """Limits of the library that are taken unless others are named."""
@@ -115,6 +118,19 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
     return GaugeLimits(found.name, tuple(found.classes))
 
 
+def with_limits(panel: PanelT, limits: GaugeLimits) -> PanelT:
+    """Return a panel judged by other limits: by the class of its line speed, or the widest class.
+
+    Without a line speed a gauge is too narrow where no class allows it at any speed.
+    """
+    if panel.gauge is None:
+        return panel
+    changes: dict[str, object] = {"limits": list(limits.classes)}
+    if panel.gauge.line_speed is None:
+        changes["limit"] = max(item.narrowing for item in limits.classes)
+    return panel.model_copy(update={"gauge": panel.gauge.model_copy(update=changes)})
+
+
 @cache
 def default_limits() -> GaugeLimits:
     """Return the limits that are taken unless others are named, read once."""
@@ -127,9 +143,15 @@ def has_default_limits(gauge: TrackGauge | None) -> bool:
 
 
 def _rising(classes: list[GaugeClass]) -> list[GaugeClass]:
-    if fault := rising_fault([item.up_to for item in classes], unit="m/s"):
+    if fault := rising_fault([round(3.6 * item.up_to, 6) for item in classes], unit="km/h"):
         message = f"the speeds `up_to` {fault}"
         raise ValueError(message)
+    for slower, faster in pairwise(classes):
+        if faster.narrowing > slower.narrowing:
+            more = f"{1e3 * faster.narrowing:g} mm up to {3.6 * faster.up_to:g} km/h"
+            less = f"{1e3 * slower.narrowing:g} mm up to {3.6 * slower.up_to:g} km/h"
+            message = f"a faster class must not allow more, but {more} comes after {less}"
+            raise ValueError(message)
     return classes
 
 

@@ -52,8 +52,10 @@ Floats = NDArray[np.float64]
 Course = Literal["facing", "trailing"]
 COURSES = ("facing", "trailing")
 
-LARGEST_STEP = 0.3
+SMALLEST_STEP, LARGEST_STEP = 0.02, 0.3
 """From one place of the wheel to the next [m]."""
+LARGEST_FORCE, LARGEST_OFFSET = 500e3, 0.1
+"""Beyond any wheel's [N], and beyond the head of a rail [m]."""
 SCHEME = Scheme.of("quasi-static")
 _VARIABLES = {
     "gauge_at_rest": ("m", "track gauge beside the closed rail at rest"),
@@ -85,18 +87,20 @@ def gauge_under_wheel(
     Parameters
     ----------
     panel : LoadedPanel
-        With data of its gauge, ``[gauge]``. Drives that are machines stand as their markers do.
+        With data of its gauge, ``[gauge]``. Drives that are machines stand as their markers do, and
+        friction has its level in motion.
     lateral : float or sequence of float
-        Flange force Y towards the stock rail [N], at least 0.
+        Flange force Y towards the stock rail [N], from 0 to `LARGEST_FORCE`.
     vertical : float or sequence of float
-        Vertical force Q on the rail [N], at least 0; each is combined with each Y.
+        Vertical force Q on the rail [N], in the same range; each is combined with each Y.
     foreign_object : ForeignObject or sequence of them, optional
         What is trapped, in addition to the objects of the panel itself.
     rail : str, optional
         The switch rail, closed by the last movement that closes it; default that of the first
         object, else the instrumented rail.
     step : float
-        Largest distance from one place of the wheel to the next [m], at most `LARGEST_STEP`.
+        Largest distance from one place of the wheel to the next [m], `SMALLEST_STEP` to
+        `LARGEST_STEP`.
     course : {"facing", "trailing"}
         Whether the wheel rolls from the toe to the last slide chair, or back.
     offset : float
@@ -136,7 +140,7 @@ def gauge_under_wheel(
     """
     objects = resolve_objects(panel, as_objects(foreign_object))
     rail = rail or (objects[0].rail if objects else panel.instrumented_rail)
-    loads = _checked(panel, rail, lateral, vertical, step=step, course=course)
+    loads = _checked(panel, rail, lateral, vertical, step=step, course=course, offset=offset)
     panel = _as_markers(_refined(panel, step))
     rest = _rest_time(panel, rail)
     objects = _objects_at(objects, rest)
@@ -158,6 +162,7 @@ def _checked(
     *,
     step: float,
     course: str,
+    offset: float,
 ) -> list[tuple[float, float]]:
     """Return each pair of lateral and vertical force; refuse what is not allowed, all at once."""
     problems = []
@@ -171,12 +176,17 @@ def _checked(
         problems.append(f"rail {rail}: is no switch rail beside a stock rail; there are {known}")
     given = {"lateral": np.atleast_1d(lateral), "vertical": np.atleast_1d(vertical)}
     for name, values in given.items():
-        wrong = [f"{value:g} N" for value in values if not 0.0 <= value < math.inf]
+        wrong = [f"{value:g} N" for value in values if not 0.0 <= value <= LARGEST_FORCE]
         towards = "towards the stock rail" if name == "lateral" else "downwards"
-        if wrong:
-            problems.append(f"{name} = {', '.join(wrong)}: a force {towards} must be at least 0")
-    if not 0.0 < step <= LARGEST_STEP:
-        problems.append(f"step = {step:g} m: must be more than 0, at most {LARGEST_STEP:g} m")
+        if wrong or not values.size:
+            most = f"at most {1e-3 * LARGEST_FORCE:g} kN"
+            said = ", ".join(wrong) or "none"
+            problems.append(f"{name} = {said}: a force {towards} must be at least 0, {most}")
+    if not SMALLEST_STEP <= step <= LARGEST_STEP:
+        allowed = f"must be {SMALLEST_STEP:g} to {LARGEST_STEP:g} m"
+        problems.append(f"step = {step:g} m: {allowed}")
+    if not abs(offset) <= LARGEST_OFFSET:
+        problems.append(f"offset = {offset:g} m: must be within {LARGEST_OFFSET:g} m of the edge")
     if course not in COURSES:
         problems.append(f"course = {course!r}: allowed are {', '.join(COURSES)}")
     if problems:

@@ -183,9 +183,11 @@ class LoadLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotIdentified:
-    """Why a line cannot be fitted."""
+    """Why a quantity is not identified, and the range in which it lies where that is known."""
 
     reason: str
+    low: float = math.nan
+    high: float = math.nan
 
 
 def fit_load_line(

@@ -23,7 +23,7 @@ voltage and added, so that the circuit gives them their bend alone.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,28 +31,25 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.machine_estimates.current_fit import Estimate, NotIdentified
+from turnout.calibration.machine_estimates.current_fit import NORMAL_REACH, Estimate, NotIdentified
 from turnout.calibration.machine_estimates.three_phase_circuit import SupplyCircuit
+from turnout.calibration.machine_estimates.three_phase_throws import (
+    CHANNELS,
+    LEAST_THROWS,
+    ThrowMeans,
+    contradictions,
+    throw_means,
+)
 from turnout.core.errors import MeasurementError
-from turnout.core.running_current import running_time
 
 Floats = NDArray[np.float64]
 
-SETTLED, MARGIN = 0.5, 0.2
-"""Left out behind the contactor and before the cut-off [s]."""
-BLOCK = 0.2
-"""Samples are averaged over so long [s]."""
-LEAST_BLOCKS, LEAST_THROWS = 5, 8
-"""Blocks in a throw, and throws, that a fit needs at least."""
 LEAST_SHARE = 0.03
 """A quantity whose deviation is a larger share of it is not identified: only its range is [-]."""
 LEAKAGE_SHARE, LEAKAGE_SPREAD = 0.2, 0.4
 """Leakage reactance over U/(sqrt(3) I) where no inrush shows it, and its relative deviation [-]."""
 INRUSH_SPREAD = 0.2
 """Relative deviation of the running leakage from that of an inrush, in which teeth saturate [-]."""
-RESOLVED, LEAST_INRUSH = 0.9, 1.5
-"""An inrush is resolved where two samples in a row are at least this share of the largest, which is
-at least so much of the running current [-]."""
 LEAST_RESOLVED = 0.5
 """Share of the throws whose inrush is resolved from which it is used: a few are those whose first
 samples began before the contactor closed [-]."""
@@ -63,35 +60,7 @@ DEPARTS = 3.0
 """Standard deviations from which a bend that the circuit leaves is stated."""
 WORSE = 1.15
 """Scatter about the circuit over that about the straight line from which it does not follow [-]."""
-LEAST_ANGLE = 0.03
-"""Least power factor of a running machine; below, power or current has another unit [-]."""
-VOLTAGE_RANGE = (0.7, 1.4)
-"""Recorded over rated voltage; beyond, it has another unit or is that of a phase [-]."""
-POWER_PER_AMPERE = 200.0
-"""Power that counts as an ampere where the running time is sought in power alone [W/A]."""
-CHANNELS = {"voltage": "drive_voltage", "current": "drive_current", "power": "drive_power"}
 LETTERS = {"voltage": "U", "current": "I", "power": "P"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ThrowMeans:
-    """Voltage, current and power of one throw while its motor runs, in blocks of `BLOCK`.
-
-    Attributes
-    ----------
-    name : str
-    voltage, current, power : ndarray, shape (2, n_blocks), or None
-        Means over the even and the odd samples of each block: between lines [V], of a line [A],
-        active [W]; None where not recorded.
-    inrush : tuple of float or None
-        Voltage, current and power of the sample with the largest current.
-    """
-
-    name: str
-    voltage: Floats | None
-    current: Floats | None
-    power: Floats | None
-    inrush: tuple[float, float, float] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,111 +216,17 @@ def fit_three_phase(
         raise MeasurementError(problems, source="three-phase fit")
     found = []
     for drive in map(str, campaign["drive"].values):
+        if "+" in drive:
+            problems.append(f"drive {drive}: the current of two machines is that of neither")
+            continue
         throws = list(throw_means(campaign, drive, to_neutral=to_neutral))
-        problems += _contradictions(throws, drive, rated_voltage)
+        problems += contradictions(throws, drive, rated_voltage, to_neutral=to_neutral)
         found.append((drive, throws))
     if problems:
         raise MeasurementError(problems, source="three-phase fit")
     return tuple(
         fit_throws(drive, throws, rated_voltage=rated_voltage, free=free) for drive, throws in found
     )
-
-
-def throw_means(
-    campaign: xr.Dataset, drive: str, *, to_neutral: bool = False
-) -> Iterator[ThrowMeans]:
-    """Yield the block means of a drive while its motor runs, throw by throw."""
-    rows: dict[str, Floats] = {}
-    for what, channel in CHANNELS.items():
-        if channel in campaign:
-            name = channel + "_unfiltered"
-            data = campaign[name if name in campaign else channel].sel(drive=drive)
-            values = np.abs(data.transpose("movement", "time").values)
-            if np.isfinite(values).any():
-                rows[what] = values
-    time = campaign["time"].values
-    if "voltage" in rows and to_neutral:
-        rows["voltage"] = math.sqrt(3.0) * rows["voltage"]
-    rate = (time.size - 1) / float(time[-1] - time[0])
-    length = max(2, round(BLOCK * rate))
-    for number, name in enumerate(map(str, campaign["movement"].values)):
-        one = {what: values[number] for what, values in rows.items()}
-        known = np.all([np.isfinite(values) for values in one.values()], axis=0)
-        by = one["current"] if "current" in one else one["power"] / POWER_PER_AMPERE
-        on, off = running_time(time[known], by[known])
-        inside = np.flatnonzero(known & (time >= on + SETTLED) & (time <= off - MARGIN))
-        count = inside.size // length
-        if count < LEAST_BLOCKS:
-            continue
-        at = inside[: count * length].reshape(count, length)
-        means = {
-            what: np.stack([values[at[:, k::2]].mean(axis=1) for k in range(2)])
-            for what, values in one.items()
-        }
-        start = np.flatnonzero(known & (time >= on - 0.1) & (time <= on + SETTLED))
-        yield ThrowMeans(
-            name=name,
-            voltage=means.get("voltage"),
-            current=means.get("current"),
-            power=means.get("power"),
-            inrush=_inrush({what: v[start] for what, v in one.items()}, means.get("current")),
-        )
-
-
-def _inrush(
-    start: Mapping[str, Floats], running: Floats | None
-) -> tuple[float, float, float] | None:
-    """Return voltage, current and power at the largest current of the start.
-
-    None without one of them, or where no neighbour is near it: the motor ran up within a sample.
-    """
-    if len(start) < len(CHANNELS) or running is None or start["current"].size < 3:
-        return None
-    current = start["current"]
-    at = int(current[1:-1].argmax()) + 1
-    least = max(current[at] * RESOLVED, LEAST_INRUSH * float(np.median(running)))
-    if max(current[at - 1], current[at + 1]) < least:
-        return None
-    u, i, p = (float(start[what][at]) for what in CHANNELS)
-    return (u, i, p) if math.sqrt(3.0) * u * i > p > 0.0 else None
-
-
-def _contradictions(
-    throws: Sequence[ThrowMeans], drive: str, rated_voltage: float
-) -> Iterator[str]:
-    """Yield what voltage, current and power of a drive cannot be together."""
-    if len(throws) < LEAST_THROWS:
-        yield (
-            f"drive {drive}: its motor runs steadily in {len(throws)} movements, "
-            f"{LEAST_THROWS} are needed"
-        )
-        return
-    low, high = (share * rated_voltage for share in VOLTAGE_RANGE)
-    voltages = [float(t.voltage.mean()) for t in throws if t.voltage is not None]
-    beyond = [v for v in voltages if not low <= v <= high]
-    if beyond:
-        yield (
-            f"drive {drive}: {beyond[0]:.4g} V against {rated_voltage:g} V rated: another unit, or "
-            "voltages of a phase to neutral"
-        )
-        return
-    for t in throws:
-        if t.current is None or t.power is None:
-            continue
-        voltage = float(t.voltage.mean()) if t.voltage is not None else rated_voltage
-        current, power = float(t.current.mean()), float(t.power.mean())
-        most = math.sqrt(3.0) * voltage * current
-        slack = 1.0 if t.voltage is not None else VOLTAGE_RANGE[1]
-        if not LEAST_ANGLE * most <= power <= slack * most:
-            yield (
-                f"drive {drive}, {t.name}: {power:.4g} W with {current:.4g} A and {voltage:.4g} V; "
-                f"sqrt(3) U I is {most:.4g} VA and power factors are {LEAST_ANGLE:g} to 1: another "
-                "unit, a phase that is missing, or voltages of a phase to neutral"
-            )
-            return
-
-
-# --- one machine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -518,7 +393,7 @@ def fit_throws(
         saturation=without,
         loss=without,
         leakage=None,
-        rotor=NO_INRUSH,
+        rotor=without if missing else NO_INRUSH,
         left=(math.nan, math.nan),
         departures=(),
         starts=(0, 0),
@@ -560,7 +435,7 @@ def _with_circuit(
         fit,
         current=current,
         per_volt=per_volt,
-        per_watt=_per_watt(fitted, (u, p), count),
+        per_watt=_per_watt(fitted, line, (u, p), count),
         resistance=_stated(fitted, 1, count, most=_largest_resistance(p, line)),
         saturation=_stated(fitted, 2, count, most=MOST_SATURATION),
         loss=_loss(throws, free, fitted.parameter(1, count)),
@@ -656,6 +531,8 @@ def _rotor_branch(
     deviation = math.hypot(0.3 * (most - least), INRUSH_SPREAD * value)
     largest = margin + max(float(np.quantile(branch.real, 0.1)) for branch in branches)
     reason = f"at most {largest:.1f} ohm, its quotient by the slip in the inrush"
+    if largest <= 0.0:
+        reason = "the inrush takes less power than line and stator alone: of one phase only?"
     return Estimate.of(value, deviation, len(inrush)), NotIdentified(reason=reason)
 
 
@@ -678,8 +555,9 @@ def _or_not(found: Estimate) -> Estimate | NotIdentified:
     if 0.0 < found.deviation <= LEAST_SHARE * abs(found.value):
         return found
     return NotIdentified(
-        reason=f"somewhere from {found.low:.3g} to {found.high:.3g}; more throws, or throws with "
-        "other loads and voltages, are needed"
+        reason="more throws, or throws with other loads and voltages, are needed",
+        low=found.low,
+        high=found.high,
     )
 
 
@@ -725,8 +603,14 @@ def _over_throws(
     return _or_not(current), known
 
 
-def _per_watt(fitted: _Fitted, point: tuple[float, float], count: int) -> Estimate | NotIdentified:
-    """Return the slope of the circuit's current with the power."""
+def _per_watt(
+    fitted: _Fitted, line: _Fitted, point: tuple[float, float], count: int
+) -> Estimate | NotIdentified:
+    """Return the slope of the circuit's current with the power.
+
+    Where all throws have one voltage R and saturation are not known, but what they give together
+    is, as well as the straight line has it and but for what both differ by.
+    """
 
     def value_of(x: Floats) -> float:
         power = point[1] + np.array([-5.0, 5.0])
@@ -741,7 +625,12 @@ def _per_watt(fitted: _Fitted, point: tuple[float, float], count: int) -> Estima
     value = value_of(x)
     if not np.isfinite([value, *gradient]).all():
         return NO_POINT
-    return _or_not(fitted.estimate(gradient, value, count))
+    found = _or_not(fitted.estimate(gradient, value, count))
+    if isinstance(found, Estimate):
+        return found
+    straight = line.parameter(2, count)
+    apart = abs(value - straight.value)
+    return _or_not(Estimate.of(value, straight.deviation, count, common=apart))
 
 
 def _loss(
@@ -761,18 +650,20 @@ def _loss(
         most = float(inside.min()) + 3.0 * float(squares.mean()) * (
             resistance.value - resistance.low
         )
+        ran = "ran free once, two throws are needed" if chosen.any() else "never ran free"
         return NotIdentified(
-            reason=f"the rod never ran free: at most {most:.0f} W, which the least power leaves"
+            reason=f"the rod {ran}: at most {most:.0f} W, which the least power leaves"
         )
     size = int(chosen.sum())
     value = float(inside[chosen].mean())
     scatter = float(inside[chosen].std(ddof=1)) / math.sqrt(size)
     copper = 3.0 * float(squares[chosen].mean()) * resistance.deviation
     found = Estimate.of(value, scatter, size, common=copper)
-    if found.deviation > LEAST_SHARE * abs(value):
+    if found.high - value > NORMAL_REACH * LEAST_SHARE * abs(value):
+        of_copper = ", most of it of the copper's part" if copper > scatter else ""
         return NotIdentified(
-            reason=f"{value:.0f} W with a deviation of {found.deviation:.0f} W, most of it of the "
-            "copper's part"
+            reason=f"{value:.0f} W with a deviation of {found.deviation:.0f} W of {size} throws"
+            f"{of_copper}"
         )
     return found
 

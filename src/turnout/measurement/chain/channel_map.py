@@ -260,7 +260,7 @@ class SensorRecord(Record):
     offset: RawValue | None = Field(None, description="reading at no load, in a unit of the column")
     tare: Rest | None = Field(None, description="rest whose mean is taken off as zero")
     phases: list[str] = Field(
-        [], description="columns of the other phases, of which the mean is taken with this one"
+        [], description="columns of the other phases: their mean with this one, of powers their sum"
     )
     optional: bool = Field(False, description="whether recordings may lack the column: NaN then")
     gain_uncertainty: float | None = Field(

@@ -1,0 +1,170 @@
+"""Throws of three-phase machines as means over blocks, and what contradicts itself in them."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from turnout.core.running_current import running_time
+
+Floats = NDArray[np.float64]
+
+SETTLED, MARGIN = 0.5, 0.2
+"""Left out behind the contactor and before the cut-off [s]."""
+BLOCK = 0.2
+"""Samples are averaged over so long [s]."""
+LEAST_BLOCKS, LEAST_THROWS = 5, 8
+"""Blocks in a throw, and throws, that a fit needs at least."""
+RESOLVED, LEAST_INRUSH = 0.9, 1.5
+"""An inrush is resolved where two samples in a row are at least this share of the largest, which is
+at least so much of the running current [-]."""
+LEAST_ANGLE = 0.03
+"""Least power factor of a running machine; below, power or current has another unit [-]."""
+CURRENT_RANGE = (0.1, 100.0)
+"""Running current of a point machine, least and most; beyond, it has another unit [A]."""
+VOLTAGE_RANGE = (0.7, 1.4)
+"""Recorded over rated voltage; beyond, it has another unit or is that of a phase [-]."""
+POWER_PER_AMPERE = 200.0
+"""Power that counts as an ampere where the running time is sought in power alone [W/A]."""
+CHANNELS = {"voltage": "drive_voltage", "current": "drive_current", "power": "drive_power"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ThrowMeans:
+    """Voltage, current and power of one throw while its motor runs, in blocks of `BLOCK`.
+
+    Attributes
+    ----------
+    name : str
+    voltage, current, power : ndarray, shape (2, n_blocks), or None
+        Means over the even and the odd samples of each block: between lines [V], of a line [A],
+        active [W]; None where not recorded.
+    inrush : tuple of float or None
+        Voltage, current and power of the sample with the largest current.
+    """
+
+    name: str
+    voltage: Floats | None
+    current: Floats | None
+    power: Floats | None
+    inrush: tuple[float, float, float] | None
+
+
+def throw_means(
+    campaign: xr.Dataset, drive: str, *, to_neutral: bool = False
+) -> Iterator[ThrowMeans]:
+    """Yield the block means of a drive while its motor runs, throw by throw."""
+    rows: dict[str, Floats] = {}
+    for what, channel in CHANNELS.items():
+        if channel in campaign:
+            name = channel + "_unfiltered"
+            data = campaign[name if name in campaign else channel].sel(drive=drive)
+            values = np.abs(data.transpose("movement", "time").values)
+            if np.isfinite(values).any():
+                rows[what] = values
+    time = campaign["time"].values
+    if "voltage" in rows and to_neutral:
+        rows["voltage"] = math.sqrt(3.0) * rows["voltage"]
+    rate = (time.size - 1) / float(time[-1] - time[0])
+    length = max(2, round(BLOCK * rate))
+    for number, name in enumerate(map(str, campaign["movement"].values)):
+        one = {what: values[number] for what, values in rows.items()}
+        known = np.all([np.isfinite(values) for values in one.values()], axis=0)
+        by = one["current"] if "current" in one else one["power"] / POWER_PER_AMPERE
+        on, off = running_time(time[known], by[known])
+        inside = np.flatnonzero(known & (time >= on + SETTLED) & (time <= off - MARGIN))
+        count = inside.size // length
+        if count < LEAST_BLOCKS:
+            continue
+        at = inside[: count * length].reshape(count, length)
+        means = {
+            what: np.stack([values[at[:, k::2]].mean(axis=1) for k in range(2)])
+            for what, values in one.items()
+        }
+        start = np.flatnonzero(known & (time >= on - 0.1) & (time <= on + SETTLED))
+        yield ThrowMeans(
+            name=name,
+            voltage=means.get("voltage"),
+            current=means.get("current"),
+            power=means.get("power"),
+            inrush=_inrush({what: v[start] for what, v in one.items()}, means.get("current")),
+        )
+
+
+def _inrush(
+    start: Mapping[str, Floats], running: Floats | None
+) -> tuple[float, float, float] | None:
+    """Return voltage, current and power at the largest current of the start.
+
+    None without one of them, or where no neighbour is near it: the motor ran up within a sample.
+    """
+    if len(start) < len(CHANNELS) or running is None or start["current"].size < 3:
+        return None
+    current = start["current"]
+    at = int(current[1:-1].argmax()) + 1
+    least = max(current[at] * RESOLVED, LEAST_INRUSH * float(np.median(running)))
+    if max(current[at - 1], current[at + 1]) < least:
+        return None
+    u, i, p = (float(start[what][at]) for what in CHANNELS)
+    return (u, i, p) if math.sqrt(3.0) * u * i > p > 0.0 else None
+
+
+def contradictions(
+    throws: Sequence[ThrowMeans], drive: str, rated_voltage: float, *, to_neutral: bool
+) -> Iterator[str]:
+    """Yield what voltage, current and power of a drive cannot be together."""
+    if len(throws) < LEAST_THROWS:
+        yield (
+            f"drive {drive}: its motor runs steadily in {len(throws)} movements, "
+            f"{LEAST_THROWS} are needed"
+        )
+        return
+    for first, second in combinations(throws, 2):
+        if all(
+            np.array_equal(getattr(first, what), getattr(second, what))
+            for what in CHANNELS
+            if getattr(first, what) is not None
+        ):
+            yield f"drive {drive}: {first.name} and {second.name} are one recording; leave one out"
+            return
+    least, most = CURRENT_RANGE
+    currents = [float(t.current.mean()) for t in throws if t.current is not None]
+    if wrong := [value for value in currents if not least <= value <= most]:
+        yield (
+            f"drive {drive}: runs with {wrong[0]:.4g} A, {least:g} to {most:g} A are usual: "
+            "another unit; state it in the channel map"
+        )
+        return
+    low, high = (share * rated_voltage for share in VOLTAGE_RANGE)
+    voltages = [float(t.voltage.mean()) for t in throws if t.voltage is not None]
+    beyond = [v for v in voltages if not low <= v <= high]
+    if beyond:
+        turn, kind = "give", "voltages of a phase to neutral"
+        if to_neutral:
+            turn, kind = "leave out", "voltages between lines"
+        yield (
+            f"drive {drive}: {beyond[0]:.4g} V against {rated_voltage:g} V rated: another unit, or "
+            f"{kind} ({turn} to_neutral, --to-neutral)"
+        )
+        return
+    for t in throws:
+        if t.current is None or t.power is None:
+            continue
+        voltage = float(t.voltage.mean()) if t.voltage is not None else rated_voltage
+        current, power = float(t.current.mean()), float(t.power.mean())
+        most = math.sqrt(3.0) * voltage * current
+        slack = 1.0 if t.voltage is not None else VOLTAGE_RANGE[1]
+        if not LEAST_ANGLE * most <= power <= slack * most:
+            yield (
+                f"drive {drive}, {t.name}: {power:.4g} W with {current:.4g} A and {voltage:.4g} V; "
+                f"sqrt(3) U I is {most:.4g} VA and power factors are {LEAST_ANGLE:g} to 1: another "
+                "unit, a phase that is missing, or voltages of a phase to neutral"
+            )
+            return
+
+
+# --- one machine
