@@ -144,9 +144,10 @@ def cause_trials(
     for cause in causes:
         misfit = _judging(with_cause(known, cause))
         if cause.smooth:
-            columns = _columns(found, cause, misfit, before, frame, r, origin)
-            if columns is not None:
-                linear.append((cause, columns))
+            rows = _changed(found, misfit, _steps_of(cause, found.values), origin)
+            if not any(item.failure for row in rows for item in row):
+                columns = [before.residuals_of(row, frame) - r for row in rows]
+                linear.append((cause, np.column_stack(columns) * _shares_of(cause)))
             continue
         trial, best = _tried(found, cause, misfit, origin)
         gain = plain - best - max(len(cause.parameters), 1) * float(np.log(samples))
@@ -178,7 +179,8 @@ def _tried(
         beside = cause.beside(found.values, (size, *others)) if cause.beside else {}
         trials.append(TestedCause(cause=cause, sizes=(size, *others), gain=0.0, beside=beside))
     points = [{**found.values, **trial.values} for trial in trials]
-    rows = _changed(found, misfit, points, origin, thrown=cause.law is not None)
+    thrown = cause.law is not None
+    rows = _changed(found, misfit, points, origin) if thrown else misfit.responses(points)
     results = [(_judged(found, misfit, row), number) for number, row in enumerate(rows)]
     best, number = min(results, default=(float("inf"), 0))
     if cause.refined and np.isfinite(best):
@@ -218,32 +220,17 @@ def _refined(
     return (cause.tries[number],), best
 
 
-def _columns(
-    found: Fit,
-    cause: Cause,
-    misfit: Misfit,
-    before: Misfit,
-    frame: Frame,
-    r: Floats,
-    origin: Sequence[Response],
-) -> Floats | None:
-    """Return the change of the residuals with each parameter of a cause, for one `_scale` of it.
-
-    None where a throw failed.
-    """
+def _steps_of(cause: Cause, values: Mapping[str, float]) -> list[dict[str, float]]:
+    """Return values with each parameter of a cause at the size that is tried, alone."""
     start = {item.name: item.start for item in cause.parameters}
-    points = [
-        {**found.values, **start, item.name: size}
-        for item, size in zip(cause.parameters, cause.tries, strict=True)
-    ]
-    rows = _changed(found, misfit, points, origin, thrown=True)
-    if any(item.failure for row in rows for item in row):
-        return None
-    shares = [
-        _scale(item, size) / (size - item.start)
-        for item, size in zip(cause.parameters, cause.tries, strict=True)
-    ]
-    return np.column_stack([before.residuals_of(row, frame) - r for row in rows]) * shares
+    pairs = zip(cause.parameters, cause.tries, strict=True)
+    return [{**values, **start, item.name: size} for item, size in pairs]
+
+
+def _shares_of(cause: Cause) -> list[float]:
+    """Return one `_scale` of each parameter of a cause as a share of the step that is tried."""
+    pairs = zip(cause.parameters, cause.tries, strict=True)
+    return [_scale(item, size) / (size - item.start) for item, size in pairs]
 
 
 def _scale(parameter: Parameter, size: float) -> float:
@@ -321,24 +308,11 @@ def _reached(cause: Cause, sizes: Iterator[float], gain: float) -> TestedCause:
 
 
 def _changed(
-    found: Fit,
-    misfit: Misfit,
-    points: Sequence[Mapping[str, float]],
-    origin: Sequence[Response],
-    *,
-    thrown: bool,
+    found: Fit, misfit: Misfit, points: Sequence[Mapping[str, float]], origin: Sequence[Response]
 ) -> list[list[Response]]:
-    """Return the responses of a fit with the change that each point makes."""
-    if not thrown:
-        return misfit.responses(points)
+    """Return the responses of a fit with the change that quick throws at each point show."""
     rows = replace(misfit, quick=True).responses(points)
-    return [
-        [
-            with_change(base, after, before)
-            for base, after, before in zip(found.local.simulated, row, origin, strict=True)
-        ]
-        for row in rows
-    ]
+    return [list(map(with_change, found.local.simulated, row, origin)) for row in rows]
 
 
 def _judging(misfit: Misfit) -> Misfit:
