@@ -108,12 +108,12 @@ def meant(name: str, names: Iterable[str]) -> str:
     return lower[match[0]] if match else ""
 
 
-def counted(count: int, noun: str) -> str:
+def count_in_words(count: int, noun: str) -> str:
     """Return a number of things with its verb.
 
     Examples
     --------
-    >>> counted(1, "sample"), counted(3, "sample")
+    >>> count_in_words(1, "sample"), count_in_words(3, "sample")
     ('1 sample is', '3 samples are')
     """
     return f"{count} {noun} is" if count == 1 else f"{count} {noun}s are"

@@ -540,7 +540,8 @@ def _conditioned(
             except ValueError as error:
                 problems.append(f"{item.key}.tare: {error}")
                 continue
-            change = f"{values[0] - tared[0]:.6g} {_unit(item.key)}"
+            unit = OF_DRIVES.get(item.key.partition(".")[0], FORCE).unit
+            change = f"{values[0] - tared[0]:.6g} {unit}"
             notes.append(f"{item.key}: {change} subtracted as tare")
             values = tared
         physical[item.key] = resample(column, values, time=time)
@@ -623,10 +624,6 @@ def _usual_unit(sensor: AnySensor, dimension: Dimension) -> str:
     if sensor.kind == "calibrated":
         return str(sensor.readings.dimension.unit)
     return {"clamp": "V", "scaled": dimension.unit}.get(sensor.kind, "mV/V")
-
-
-def _unit(key: str) -> str:
-    return OF_DRIVES.get(key.partition(".")[0], FORCE).unit
 
 
 def _plain(value: Any) -> Any:

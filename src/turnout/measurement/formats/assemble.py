@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
-from turnout.core.problems import choices, counted
+from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.clock import DAY, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.time_axis import iso_time
@@ -304,7 +304,9 @@ def _without_overload(values: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     count = int(np.count_nonzero(wrong))
     if not count:
         return values, _stand_in(values)
-    return np.where(wrong, np.nan, values), f"{counted(count, 'sample')} overload, taken as missing"
+    return np.where(
+        wrong, np.nan, values
+    ), f"{count_in_words(count, 'sample')} overload, taken as missing"
 
 
 def _stand_in(values: NDArray[np.float64]) -> str:
@@ -313,7 +315,7 @@ def _stand_in(values: NDArray[np.float64]) -> str:
         if count := int(np.count_nonzero(values == number)):
             others = values[(values != number) & np.isfinite(values)]
             if others.size and 10.0 * np.abs(others).max() < abs(number):
-                what = f"{counted(count, 'sample')} {number:g}"
+                what = f"{count_in_words(count, 'sample')} {number:g}"
                 return f"check the values: {what}, as loggers write for none"
     return ""
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, refused_of
-from turnout.core.problems import choices, counted
+from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.clock import (
     is_direction_name,
@@ -421,7 +421,7 @@ def _wide_columns(table: Table) -> list[FileColumn]:
             clock |= {"rate": own, "start": table.stated.start}
         empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
         if empty > 0:
-            what = f"{counted(empty, 'cell')} empty, taken as missing"
+            what = f"{count_in_words(empty, 'cell')} empty, taken as missing"
             table.problems.append(f"channel '{name}': {what}")
         found.append(FileColumn(name, values, column.unit, column.description, **clock))
     return found

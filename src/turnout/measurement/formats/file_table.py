@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import refused_of
-from turnout.core.problems import choices, counted
+from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.assemble import (
     is_unit,
     split_unit,
@@ -287,7 +287,7 @@ def _sort_texts(table: Table, place: int, texts: list[str], dates: dict[int, lis
         if overload:
             number = sum(text.strip() in overload for text in texts)
             table.overloads[place] = number
-            what = f"{counted(number, 'cell')} overload ({choices(sorted(overload))})"
+            what = f"{count_in_words(number, 'cell')} overload ({choices(sorted(overload))})"
             table.problems.append(f"channel '{name}': {what}, taken as missing")
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from pandas.errors import ParserWarning
 
 from turnout.core.errors import MeasurementError, refused_of
-from turnout.core.problems import choices, counted
+from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
@@ -242,7 +242,7 @@ def _lost_lines(text: _Text) -> list[str]:
     inside = len(_EMPTY_LINE.findall(text.body.rstrip())) if text.layout.width > 1 else 0
     # One line often parts a heading from its table.
     count = inside + (before if before > 1 else 0)
-    return [f"check the time: {counted(count, 'empty line')} left out"] if count else []
+    return [f"check the time: {count_in_words(count, 'empty line')} left out"] if count else []
 
 
 def _line_of(text: _Text, row: int) -> str:
