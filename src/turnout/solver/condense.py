@@ -401,7 +401,30 @@ class CondensedRails:
     @cached_property
     def model(self) -> ModalModel:
         """The modal model of the whole mechanism, its modes in the order of the blocks."""
-        return assemble_model(self.parts, self.n_coordinates, self.row_stiffness.size)
+        parts, n, n_rows = self.parts, self.n_coordinates, self.row_stiffness.size
+        modes = np.cumsum([0, *(part.model.load.size for part in parts)])
+        whole = ModalModel(
+            stiffness=np.zeros((modes[-1], modes[-1])),
+            damping=np.zeros((modes[-1], modes[-1])),
+            modes=np.zeros((n, modes[-1])),
+            row_modes=np.zeros((n_rows, modes[-1])),
+            flexibility=np.zeros((n_rows, n_rows)),
+            residual_shapes=np.zeros((n, n_rows)),
+            load=np.concatenate([part.model.load for part in parts]),
+            residual_load=np.zeros(n),
+            row_load=np.zeros(n_rows),
+        )
+        for part, first, last in zip(parts, modes[:-1], modes[1:], strict=True):
+            rows, at, model = part.block.rows, part.block.coordinates, part.model
+            whole.stiffness[first:last, first:last] = model.stiffness
+            whole.damping[first:last, first:last] = model.damping
+            whole.modes[at, first:last] = model.modes
+            whole.row_modes[rows, first:last] = model.row_modes
+            whole.flexibility[np.ix_(rows, rows)] += model.flexibility
+            whole.residual_shapes[np.ix_(at, rows)] = model.residual_shapes
+            whole.residual_load[at] = model.residual_load
+            whole.row_load[rows] += model.row_load
+        return whole
 
 
 def condense_blocks(
@@ -474,33 +497,6 @@ def _of_block(
         given = stiffness, mass, damping, mechanism.load[own]
     linear = LinearSystem(*given, sp.csr_array(rows))  # most rows reach few coordinates
     return _Given(linear, rows, at_rows, first, rail)
-
-
-def assemble_model(parts: Sequence[BlockModel], n: int, n_rows: int) -> ModalModel:
-    """Return the modal model of a mechanism of `n` coordinates and `n_rows` rows."""
-    modes = np.cumsum([0, *(part.model.load.size for part in parts)])
-    whole = ModalModel(
-        stiffness=np.zeros((modes[-1], modes[-1])),
-        damping=np.zeros((modes[-1], modes[-1])),
-        modes=np.zeros((n, modes[-1])),
-        row_modes=np.zeros((n_rows, modes[-1])),
-        flexibility=np.zeros((n_rows, n_rows)),
-        residual_shapes=np.zeros((n, n_rows)),
-        load=np.concatenate([part.model.load for part in parts]),
-        residual_load=np.zeros(n),
-        row_load=np.zeros(n_rows),
-    )
-    for part, first, last in zip(parts, modes[:-1], modes[1:], strict=True):
-        rows, at, model = part.block.rows, part.block.coordinates, part.model
-        whole.stiffness[first:last, first:last] = model.stiffness
-        whole.damping[first:last, first:last] = model.damping
-        whole.modes[at, first:last] = model.modes
-        whole.row_modes[rows, first:last] = model.row_modes
-        whole.flexibility[np.ix_(rows, rows)] += model.flexibility
-        whole.residual_shapes[np.ix_(at, rows)] = model.residual_shapes
-        whole.residual_load[at] = model.residual_load
-        whole.row_load[rows] += model.row_load
-    return whole
 
 
 def condense(mechanism: Mechanism, *, cutoff_frequency: float) -> ModalModel:

@@ -335,9 +335,8 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
         between = {"instants": instants, "inputs": positions, "modes": arrangement.model.row_modes}
         record = interpolate_record(record, step=scheme.step, laws=arrangement.laws, **between)
     positions.flags.writeable = False  # throws may share them
-    placed = state.law_placed.copy()
     first = np.where(np.isinf(state.law_first), np.nan, state.law_first)
-    watched = None
+    placed, watched = state.law_placed.copy(), None
     if plan.watches and outcome.complete:
         onsets = None if machines is None else machines.onsets
         every = {"time": instants, "inputs": positions, "law_first": first}
@@ -345,8 +344,7 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
     if not grid.filled_in:
         whole = plan.whole(kept)
         instants, positions = instants[whole], positions[whole]
-    give_back(arrangement, run, state)
-    return History(
+    history = History(
         time=instants,
         inputs=positions,
         q=record.q,
@@ -367,6 +365,8 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
         obstructions=kept_obstructions(run.obstructions),
         watched=watched,
     )
+    give_back(arrangement, run, state)  # and no other run takes it over before
+    return history
 
 
 def _march(run: Run, state: State, rods: Rods | None, first: int, last: int) -> tuple[int, int]:

@@ -106,15 +106,16 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> Weights:
     width = int(whole_lines(count))
     seen_load, forces = np.zeros(width), -seen.shapes
     seen_load[:count] = seen.load
-    stored, mode = _listed(seen.stored, None, width), _listed(seen.modes, None, width)
-    law, friction = _listed(forces, laws.row, width), _listed(forces, laws.friction_row, width)
     made: dict[str, NDArray[Any]] = {"seen_load": seen_load}
-    for name, (listed, rows) in (
-        ("stored", (as_unsigned(row_place[stored[0]].astype(np.int64)), stored[1])),
-        ("mode", mode), ("law", law), ("friction", friction),
-    ):  # fmt: skip
-        made |= {f"{name}_list": listed, f"{name}_rows": rows}
-    made["law_places"] = as_unsigned(row_place[laws.row[law[0]]].astype(np.int64))
+    for name, weights, of in (
+        ("stored", seen.stored, None),
+        ("mode", seen.modes, None),
+        ("law", forces, laws.row),
+        ("friction", forces, laws.friction_row),
+    ):
+        made[f"{name}_list"], made[f"{name}_rows"] = _listed(weights, of, width)
+    made["law_places"] = as_unsigned(row_place[laws.row[made["law_list"]]].astype(np.int64))
+    made["stored_list"] = as_unsigned(row_place[made["stored_list"]].astype(np.int64))
     if not any(part.flags.writeable for part in parts):
         _weights.put(key, (made, parts))
     return made
