@@ -61,7 +61,6 @@ from turnout.solver.start import (
     find_start,
     plan_start,
     settle,
-    start_energy_balance,
 )
 from turnout.solver.state import COUNT_FLIPS, COUNT_HALVED, COUNT_ITERATIONS, Run, State
 
@@ -239,8 +238,9 @@ def plan_run(
             if (machines := mechanism.machines) is not None:
                 further = most_places(machines, grid, save_at.whole)
             places, laws = arrangement.system.row_place, arrangement.laws
-            weights = seen_weights(save_at.seen(arrangement.condensed), laws, places)
-            plan = plan_saving(save_at, weights, interval, grid.n_stored, further=further)
+            seen = save_at.seen(arrangement.condensed)
+            template = seen_weights(seen, laws, places, save_at.laws)
+            plan = plan_saving(save_at, template, interval, grid.n_stored, further=further)
         positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.room + 1)).T)
         if mechanism.machines is not None:
             positions = positions.copy()  # machines write to them, and throws may share them
@@ -389,7 +389,7 @@ def _compile_march(run: Run, state: State, rods: Rods | None, *, after_motion: b
         return
     loops = [(march_with_machines, (run, state, 0, 0, rods))] if True in needed else []
     loops += [(march, (run, state, 0, 0, None))] if False in needed else []
-    kernels = (equilibrium, settle, anchor_at_rest, start_energy_balance, equilibrium_residual)
+    kernels = (equilibrium, settle, anchor_at_rest, equilibrium_residual)
     of_start = [(kernel, (run, state)) for kernel in kernels]
     prepare_kernels(*loops, *of_start, (store_instant, (run, state, 0)))
     _at_hand.update(needed)

@@ -26,9 +26,9 @@ friction and energies. The laws that act all the time are evaluated at the new d
 that they hold between the steps too.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ from turnout.kernels.lanes import (
     whole_lines,
     zeros_in_lines,
 )
-from turnout.kernels.shared_record import shared_record
+from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.kernels.vector import copy, gather_all
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
@@ -78,15 +78,25 @@ class SeenRows:
     load: Floats
 
 
-Weights = Mapping[str, NDArray[Any]]
-"""Weights of seen displacements as the kernel takes them, by the fields of `StepRecord`."""
+@cache
+def _empty_record() -> StepRecord:
+    """Return a record of no instant, of which those of all instants are clones."""
+    return shared_record(StepRecord(**_no_instants(), residual=np.zeros(1)))
+
+
+def _no_instants() -> dict[str, NDArray[Any]]:
+    names = ("q", "g", "friction", "law", "stored", "ledger", "v")
+    return dict.fromkeys(names, np.zeros((0, 0)))
+
 
 # Rails with their objects and rows of laws are shared by many throws.
-_weights = LRUCache[tuple[Weights, object]](128)  # some 10 kB each
+_weights = LRUCache[tuple[StepRecord, object]](128)  # some 10 kB each
 
 
-def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> Weights:
-    """Return the weights of what is seen; found once where what they are made of is the same.
+def seen_weights(
+    seen: SeenRows, laws: LawTable, row_place: Ints, watched: Sequence[int]
+) -> StepRecord:
+    """Return a record of no instant with the weights of what is seen; found once for the same.
 
     Parameters
     ----------
@@ -96,9 +106,11 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> Weights:
         By rows of the mechanism.
     row_place : ndarray of int, shape (n_rows,)
         Place of each row in the vector of displacements.
+    watched : sequence of int
+        Laws whose forces are wanted at every stored instant.
     """
     parts, places = (seen.stored, seen.modes, seen.shapes, seen.load), row_place.tobytes()
-    key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places)
+    key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places, *watched)
     kept = _weights.get(key)
     if kept is not None:
         return kept[0]
@@ -116,9 +128,17 @@ def seen_weights(seen: SeenRows, laws: LawTable, row_place: Ints) -> Weights:
         made[f"{name}_list"], made[f"{name}_rows"] = _listed(weights, of, width)
     made["law_places"] = as_unsigned(row_place[laws.row[made["law_list"]]].astype(np.int64))
     made["stored_list"] = as_unsigned(row_place[made["stored_list"]].astype(np.int64))
+    template = StepRecord(
+        **_no_instants(),
+        **made,
+        residual=np.zeros(1),
+        watched=np.array(watched, dtype=np.int64),
+        picked=np.zeros(max(part.size for part in made.values() if part.ndim == 1)),
+    )
+    record = shared_record(template)
     if not any(part.flags.writeable for part in parts):
-        _weights.put(key, (made, parts))
-    return made
+        _weights.put(key, (record, parts))
+    return record
 
 
 def _listed(weights: Floats, of: Ints | None, width: int) -> tuple[Ints, Floats]:
@@ -280,17 +300,17 @@ class SavePlan:
     """Which stored instants have which place in a record; by default each has its own.
 
     There are `count` of them, with velocities if these are wanted. `save_at` says what is kept,
-    `weights` are those of seen displacements. `places` are those of `StepRecord`; of what is seen
-    the instants that are wanted regularly come first. `counts` of instants are stored whole, seen,
-    and stored with energies, as the last one is; a run with machines has places for `further` ones,
-    which it gives as it goes on. `rests` are the numbers of the instants of `Watched.rests`, by the
-    schedule.
+    `template` has the weights of seen displacements. `places` are those of `StepRecord`; of what is
+    seen the instants that are wanted regularly come first. `counts` of instants are stored whole,
+    seen, and stored with energies, as the last one is; a run with machines has places for `further`
+    ones, which it gives as it goes on. `rests` are the numbers of the instants of `Watched.rests`,
+    by the schedule.
     """
 
     count: int
     velocity: bool = False
     save_at: SaveAt = field(default_factory=SaveAt)
-    weights: Weights = field(default_factory=dict)
+    template: StepRecord = field(default_factory=_empty_record)
     places: Ints = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     counts: tuple[int, int, int] = (0, 0, 0)
     rests: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -312,7 +332,7 @@ class SavePlan:
 
 
 def plan_saving(
-    save_at: SaveAt, weights: Weights, interval: float, count: int, *, further: int = 0
+    save_at: SaveAt, template: StepRecord, interval: float, count: int, *, further: int = 0
 ) -> SavePlan:
     """Choose the places of stored instants in the record of a watched run.
 
@@ -320,7 +340,7 @@ def plan_saving(
     ----------
     save_at : SaveAt
         What is wanted.
-    weights : mapping of str to ndarray
+    template : StepRecord
         From `seen_weights`.
     interval : float
         Time between stored instants [s].
@@ -331,7 +351,7 @@ def plan_saving(
 
     Examples
     --------
-    >>> plan = plan_saving(SaveAt([0], 2, [0.3]), {}, 0.1, 7)
+    >>> plan = plan_saving(SaveAt([0], 2, [0.3]), _empty_record(), 0.1, 7)
     >>> whole, seen, balanced = plan.places.T.tolist()
     >>> whole, seen
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
@@ -341,7 +361,7 @@ def plan_saving(
     times = tuple(save_at.whole), tuple(save_at.rests)
     places, counts, rests = _places(*times, save_at.stride, interval, count)
     places = places.copy() if further else places
-    return SavePlan(count, False, save_at, weights, places, counts, rests, further)
+    return SavePlan(count, False, save_at, template, places, counts, rests, further)
 
 
 @lru_cache(maxsize=16)
@@ -438,21 +458,17 @@ def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
         arrays[name] = memory[at : at + size].reshape(counts[name], width)
         at += size
     arrays["v"] = np.zeros((plan.count if plan.velocity else 1, arrays["q"].shape[1]))
-    cached = not plan.watches and LEAST_CACHED <= 8 * total <= MOST_CACHED
-    record = StepRecord(**arrays, residual=np.zeros(1), cached=np.array([int(cached)]))
     if plan.watches:
-        weights, laws_saved = plan.weights, plan.save_at.laws
-        longest = max(part.size for part in weights.values() if part.ndim == 1)
-        record = record._replace(
-            **weights,
-            places=plan.places,
-            given=np.array(plan.counts),
-            watched=np.asarray(laws_saved, dtype=np.int64),
-            effort=np.empty((len(laws_saved), plan.places.shape[0])),
-            seen=empty_in_lines(plan.counts[1] + plan.further, weights["seen_load"].size),
-            picked=np.zeros(longest),
-        )
-    return shared_record(record)
+        arrays["places"] = plan.places
+        arrays["effort"] = np.empty((len(plan.save_at.laws), plan.places.shape[0]))
+        count, width = plan.counts[1] + plan.further, plan.template.seen_load.size
+        arrays["seen"] = empty_in_lines(count, width)
+        for name in ("stored_rows", "mode_rows", "law_rows", "friction_rows"):
+            arrays[name] = getattr(plan.template, name)
+    record = clone_record(plan.template, **arrays)
+    record.given[:] = plan.counts
+    record.cached[0] = not plan.watches and LEAST_CACHED <= 8 * total <= MOST_CACHED
+    return record
 
 
 def trim_record(run: Run, count: int, plan: SavePlan) -> StepRecord:

@@ -190,7 +190,9 @@ def start_energy_balance(run: Run, state: State) -> None:
 
 @compiled
 def settle(run: Run, state: State) -> int:
-    """Bring a state in motion to rest under friction; return CONVERGED or what prevented it.
+    """Bring a state in motion to rest under friction, and start the energy balance from there.
+
+    Returns CONVERGED or what prevented it.
 
     The contact set is iterated from the present one with the anchors as they are. Where that does
     not converge, the forces of inertia and dampers, without which the present state would not be
@@ -211,6 +213,7 @@ def settle(run: Run, state: State) -> int:
         code = follow_path(run, state, inputs, 0.0, 0.0)
     if code == CONVERGED:
         _refine_contact_set(run, state)
+        start_energy_balance(run, state)
     return code
 
 
@@ -440,7 +443,6 @@ def _start_from(run: Run, state: State, left: _StateLeft) -> Code:
     run.table.friction_coefficient[:] = left.friction_coefficient
     if settle(_patient(run, 100), state) != Code.COMPLETE:
         return Code.NO_LOADED_START
-    start_energy_balance(run, state)
     if not run.options.inertia:
         rebuild(run, state, state.counters[LEVEL])
     return Code.COMPLETE
