@@ -264,19 +264,3 @@ def clone_record(record: T, **matrices: NDArray[Any]) -> T:
         for axis, length in enumerate(array.shape, start=1):
             words[word + axis] = length
     return cast("T", found)
-
-
-def copy_vectors(record: T, to: T) -> None:
-    """Copy the vectors of a record into those of another one of its kind, which was cloned from it.
-
-    Examples
-    --------
-    >>> from turnout.law.table import LawTableBuilder
-    >>> first = shared_record(LawTableBuilder().table())
-    >>> second = clone_record(first)
-    >>> second.segment_start[0] = 7
-    >>> copy_vectors(first, second)
-    >>> second.segment_start.tolist()
-    [0]
-    """
-    cast("SharedRecord", to).memory[:] = cast("SharedRecord", record).memory
