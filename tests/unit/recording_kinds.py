@@ -461,6 +461,14 @@ LOGGERS: list[Kind] = [
         f"{head},{n * STEP:.5f},{FORCE[n]}\n" for n, head in enumerate(
             ["Record Length,40,Points", "Sample Interval,4.0e-02,s", "Trigger Point,0,Samples",
              *[",,"] * (COUNT - 3)])), {"column 2": (25.0, 0.0)}),
+    ("Tektronix, older, with a blank column", "".join(
+        f"{head},{n * STEP:.5f},{FORCE[n]},\n" for n, head in enumerate(
+            ["Record Length,40,", "Sample Interval,4.0e-02,", "Trigger Point,0,",
+             *[",,"] * (COUNT - 3)])), {"column 2": (25.0, 0.0)}),
+    ("directions that are numbers",
+     "Sample rate: 25 Hz\nDirection,Force\n" + "".join(
+         f"{5 + n * 1e-7:.9f},{FORCE[n]}\n" for n in range(COUNT)),
+     {"Direction": (25.0, 0.0), "Force": (25.0, 0.0)}),
     ("Campbell",
      '"TOA5","SITE","CR6"\n"TIMESTAMP","RECORD","Force","Current"\n"TS","RN","kN","A"\n'
      '"","","Smp","Smp"\n' + rows(time=lambda n: f'"{moment("%Y-%m-%d %H:%M:%S.%f")(n)}",{n}'),

@@ -138,6 +138,10 @@ def test_powers_of_phases_are_summed_and_currents_are_not() -> None:
     found = apply_chain(recording(*columns), parse_channel_map(parse_toml(text, source="map")))
     current, power = (float(found[f"drive_{what}"][0, -1]) for what in ("current", "power"))
     assert power == pytest.approx(3.0 * current) == pytest.approx(3e-3)
+    shifted = parse_channel_map(parse_toml(text + 'offset = "0.1 mW"\nunit = "W"\n', source="map"))
+    assert float(apply_chain(recording(*columns), shifted)["drive_power"][0, 0]) == pytest.approx(
+        -3e-4
+    )
 
 
 def test_rows_say_what_a_unit_stands_for() -> None:

@@ -281,6 +281,10 @@ def test_limits_of_a_file_decide(tmp_path: Path) -> None:
         )
         code, out, _ = run("--limits", str(limits), "--strict", "--step", "0.3 m")
         assert (code, word in out) == (ends, True), out
+    faster = ("--set", "gauge.line_speed='200 km/h'", "--limits", str(limits), "--strict")
+    code, _, said = run(*faster)
+    assert code != 0
+    assert "no class of gauge.limits holds at it" in said
 
 
 @pytest.mark.parametrize(

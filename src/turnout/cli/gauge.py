@@ -17,12 +17,15 @@ from turnout.cli.options import (
 )
 from turnout.cli.output import FINDINGS, INCOMPLETE, Output, coloured, note
 from turnout.core.errors import SolverError
+from turnout.core.files import user_path
+from turnout.core.library import names_a_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from turnout.metric.least_gauge import LeastGauges
     from turnout.panel.gauge_limits import GaugeLimits
+    from turnout.panel.load import LoadedPanel
     from turnout.throw.wheel import Course
 
 GAUGE_UNITS = {
@@ -79,7 +82,7 @@ def gauge_command(
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
     from turnout.metric.least_gauge import least_gauges
     from turnout.panel.foreign_object import parse_objects
-    from turnout.panel.gauge_limits import limits_of, load_gauge_limits, with_limits
+    from turnout.panel.gauge_limits import limits_of, load_gauge_limits
 
     loaded, foreign, classes, forces, lengths = collect_errors(
         panel.opened,
@@ -93,7 +96,7 @@ def gauge_command(
 
     try:
         dataset = gauge_under_wheel(
-            loaded if classes is None else with_limits(loaded, classes),
+            loaded if classes is None else _judged_by(loaded, limits or "", classes),
             lateral=forces[0],
             vertical=forces[1],
             foreign_object=foreign,
@@ -112,6 +115,21 @@ def gauge_command(
     output.json(gauge_record, dataset, found, classes, units=GAUGE_UNITS)
     if strict and _least(found) < float(dataset.attrs["gauge_limit"]):
         raise typer.Exit(FINDINGS)
+
+
+def _judged_by(panel: "LoadedPanel", named: str, limits: "GaugeLimits") -> "LoadedPanel":
+    """Return a panel judged by other limits: by the class of its line speed, or the widest class.
+
+    Without a line speed a gauge is too narrow where no class allows it at any speed.
+    """
+    if panel.gauge is None:
+        return panel
+    changes: dict[str, Any] = {"gauge.limits": named}
+    if names_a_file(named):
+        changes = {"gauge.limits": str(user_path(named).resolve())}
+    if panel.gauge.line_speed is None:
+        changes["gauge.limit"] = max(item.narrowing for item in limits.classes)
+    return panel.with_overrides(changes)
 
 
 def _length(_: str, text: str) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
@@ -18,9 +18,7 @@ from turnout.core.quantity import Record
 from turnout.core.units import SI
 from turnout.panel.check_rails import rising_fault
 from turnout.panel.document import Document
-from turnout.panel.model import GaugeClass, Panel, TrackGauge
-
-PanelT = TypeVar("PanelT", bound=Panel)
+from turnout.panel.model import GaugeClass, TrackGauge
 
 DEFAULT_LIMITS = "immediate-action"
 """Limits of the library that are taken unless others are named."""
@@ -116,19 +114,6 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
         problems = validation_problems(error.errors(), allowed=lambda _: _KEYS)
         raise PanelError(problems, source=f"limits of gauge {file.source}") from None
     return GaugeLimits(found.name, tuple(found.classes))
-
-
-def with_limits(panel: PanelT, limits: GaugeLimits) -> PanelT:
-    """Return a panel judged by other limits: by the class of its line speed, or the widest class.
-
-    Without a line speed a gauge is too narrow where no class allows it at any speed.
-    """
-    if panel.gauge is None:
-        return panel
-    changes: dict[str, object] = {"limits": list(limits.classes)}
-    if panel.gauge.line_speed is None:
-        changes["limit"] = max(item.narrowing for item in limits.classes)
-    return panel.model_copy(update={"gauge": panel.gauge.model_copy(update=changes)})
 
 
 @cache

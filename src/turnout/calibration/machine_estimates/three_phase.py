@@ -548,7 +548,10 @@ def _stated(
     found = fitted.parameter(at, count)
     if found.value > 0.99 * most:
         return NotIdentified(reason=f"lies at its bound of {most:.3g}")
-    return _or_not(found)
+    stated = _or_not(found)
+    if isinstance(stated, NotIdentified) and math.isfinite(most):
+        return replace(stated, low=max(stated.low, 0.0), high=min(stated.high, most))
+    return stated
 
 
 def _or_not(found: Estimate) -> Estimate | NotIdentified:

@@ -25,7 +25,7 @@ from turnout.measurement.quality.channel_faults import MEASURED
 from turnout.measurement.recording import Recording
 
 # Raised when what a piece holds, or how it is cut, changes.
-STORED_VERSION = 5
+STORED_VERSION = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

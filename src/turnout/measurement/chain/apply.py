@@ -7,7 +7,7 @@ common time). `raw_from_physical` is the inverse, `mapped_channels` lists the ou
 import json
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -352,7 +352,7 @@ def apply_chain(recording: Recording, channel_map: ChannelMap) -> xr.Dataset:
     xarray.Dataset
         ``drive_force``, ``drive_current``, ``drive_voltage``, ``drive_power`` where there are any,
         ``object_force`` (NaN where no column measured it), and ``recorded``: the mapped columns as
-        they were, phases as their mean, of powers their sum. All share one even
+        they were, phases as their mean. All share one even
         time; a column with another rate is interpolated linearly, after averaging over a step
         where it is faster. What was mended is in ``attrs["problems"]``.
 
@@ -507,9 +507,10 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 )
             continue
         try:
-            together = np.sum if dimension is POWER else np.mean
-            channel = _phases_as_one(channel, columns[1:], sensor.phases, together)
+            channel = _mean_of_phases(channel, columns[1:], sensor.phases)
             line = line_of(sensor, quantity=dimension, recorded_unit=channel.unit)
+            if dimension is POWER:  # the sum is so many times the mean
+                line = replace(line, scale=line.scale * (1 + len(sensor.phases)))
         except ValueError as error:
             problems.append(f"{key} (column '{sensor.column}'): {error}")
             continue
@@ -559,16 +560,12 @@ SILENT_PHASE = 0.05
 """A phase whose largest value is below this share of that of the others is missing [-]."""
 
 
-def _phases_as_one(
-    first: RecordedChannel,
-    others: list[RecordedChannel | None],
-    names: list[str],
-    together: Callable[..., Any],
+def _mean_of_phases(
+    first: RecordedChannel, others: list[RecordedChannel | None], names: list[str]
 ) -> RecordedChannel:
-    """Return the phases of a drive together; ValueError when one is missing or differs.
+    """Return the mean of the phases of a drive; ValueError when one is missing or differs.
 
-    Powers are summed, of currents and voltages the mean is taken. A phase that is silent while the
-    others run would make either a third too small.
+    A phase that is silent while the others run would make the mean a third too small.
     """
     values = [first.values]
     for name, other in zip(names, others, strict=True):
@@ -585,7 +582,7 @@ def _phases_as_one(
         if most < SILENT_PHASE * max(largest):
             message = f"its phase '{name}' is silent while the others are not: a dead channel?"
             raise ValueError(message)
-    return replace(first, values=together(values, axis=0)) if names else first
+    return replace(first, values=np.mean(values, axis=0)) if names else first
 
 
 def _dataset(

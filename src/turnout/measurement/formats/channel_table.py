@@ -228,28 +228,26 @@ def _axis_part(axis: TimeAxis, rows: NDArray[np.intp]) -> TimeAxis:
 
 def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Return the rows of each throw by its label, and the column that tells them apart."""
-    numbers = {p: [f"{value:g}" for value in values] for p, values in table.values.items()}
-    cells_of = {**numbers, **table.texts}
-    starts_of = {
-        place: [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
-        for place, cells in cells_of.items()
-        if is_throw_name(name := table.columns[place].name) or is_direction_name(name)
-    }
     rows = max((len(column.cells) for column in table.columns), default=0)
     curves = bool(table.curves) and rows > 1
-    for place, starts in starts_of.items():
-        cells, names = cells_of[place], [cells_of[place][i] for i in starts]
-        several = len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(cells))
-        if several and is_throw_name(table.columns[place].name):
+    numbers = {p: values.tolist() for p, values in table.values.items()}
+    for place, cells in {**numbers, **table.texts}.items():
+        if not is_throw_name(table.columns[place].name):
+            continue
+        labels = [cell if isinstance(cell, str) else f"{cell:g}" for cell in cells]
+        starts = _changes(labels)
+        names = [labels[i] for i in starts]
+        if len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(cells)):
             return _rows(starts, len(cells), names), f"column '{label_of(table, place)}'"
     if curves:
         shown = label_of(table, next(iter(table.curves)))
         return _rows(range(rows), rows), f"a curve in each cell of column '{shown}'"
-    for place, starts in starts_of.items():
-        few = 1 < len(starts) <= len(cells_of[place]) / LEAST_CURVE and not table.axes
-        if few and is_direction_name(table.columns[place].name):
-            size = len(cells_of[place])
-            return _rows(starts, size), f"column '{label_of(table, place)}' changes"
+    for place, turns in {**table.texts, **numbers}.items():
+        if table.axes or not is_direction_name(table.columns[place].name):
+            continue
+        starts = _changes(turns)
+        if 1 < len(starts) <= len(turns) / LEAST_CURVE:
+            return _rows(starts, len(turns)), f"column '{label_of(table, place)}' changes"
     indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
     times = {place: axis.seconds for place, axis in table.axes.items()}
     for place, values in [*times.items(), *indices.items()]:
@@ -260,6 +258,11 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
             break
         return _rows([0, *again], values.size), f"'{label_of(table, place)}' starts again"
     return {}, ""
+
+
+def _changes(cells: Sequence[object]) -> list[int]:
+    """Return the rows at which a column has another cell than the row before, with the first."""
+    return [0, *(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])]
 
 
 def _rows(starts: Sequence[int], size: int, names: Sequence[str] = ()) -> dict[str, Rows]:
@@ -301,10 +304,11 @@ def _numbers_signals(table: Table, place: int) -> bool:
         return False
     values = table.values[place].tolist()
     for at, axis in table.axes.items():
+        if abs(at - place) != 1:
+            continue
         times = axis.seconds.tolist()
         pairs = len(set(zip(times, values, strict=False)))
-        every = len({*times}) * len({*values}) == len(values) == len(times) == pairs
-        if abs(at - place) == 1 and every:
+        if len({*times}) * len({*values}) == len(values) == len(times) == pairs:
             return True
     return False
 

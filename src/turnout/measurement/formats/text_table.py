@@ -216,7 +216,7 @@ def _without_side_heading(frame: Any, stated: StatedClock, decimal: str) -> Any:
     if len(beside) < 2 or frame[beside[0]].dtype != object:
         return frame
     for row in frame[beside].head(MOST_FOOTER).astype(str).itertuples(index=False):
-        values = [cell for cell in row[1:] if cell not in ("", "nan")]
+        values = [cell for cell in row[1:] if isinstance(cell, str) and cell not in ("", "nan")]
         if values:
             stated.read(str(row[0]), values, decimal=decimal)
     return frame.drop(columns=beside)
