@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from turnout.core.lru_cache import LRUCache
 from turnout.mechanism import build, reduce
 from turnout.mechanism.build import build_mechanism
 from turnout.mechanism.mechanism import Mechanism
+from turnout.mechanism.object_rows import node_rows
 from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import load_panel
 
@@ -276,7 +278,24 @@ def test_rails_made_with_an_object_at_their_nodes_are_those_without(
     assert not shared.stiffness.flags.writeable
     assert shared.core is bare.rows
     build.clear_mechanisms()
-    monkeypatch.setattr(build, "node_rows", lambda *_: None)
+    asked: list[object] = []
+
+    def only_of_own_rails(*given: Any) -> Any:
+        asked.append(given)
+        return node_rows(*given) if len(asked) > 1 else None
+
+    monkeypatch.setattr(build, "node_rows", only_of_own_rails)
     made = build_mechanism(panel, objects)
-    assert made.core is made.rows
+    assert len(asked) == 2
     assert_same(shared, made)
+
+
+def test_faces_of_other_slopes_share_the_rails_of_a_drive(fresh: Path) -> None:
+    """At a rod no foot holds the rail up: it gets coordinates for the force along the face."""
+    made = [
+        build_mechanism(PANEL, resolve_objects(PANEL, [ForeignObject(0.01, "drive 1", **face)]))
+        for face in ({"face_slope": 0.05}, {"face_slope": -0.02}, {})
+    ]
+    assert made[0].core is made[1].core
+    assert made[0].core is not made[2].core
+    assert not np.array_equal(made[0].object_rows, made[1].object_rows)

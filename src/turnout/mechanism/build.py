@@ -311,7 +311,7 @@ def _kept(panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | 
         if varied is None:
             made = _full(frame, variation, panel)
         else:
-            made = _in_shapes_of(panel, frame, varied, nominal, objects)
+            made = _in_shapes_of(panel, frame, varied, nominal)
         frame.varied.put(known, made)
     return made
 
@@ -398,23 +398,17 @@ def _varied(
 
 
 def _in_shapes_of(
-    panel: LoadedPanel,
-    frame: _Frame,
-    varied: _Varied,
-    nominal: LoadedPanel,
-    objects: Sequence[PlacedObject],
+    panel: LoadedPanel, frame: _Frame, varied: _Varied, nominal: LoadedPanel
 ) -> _Kept:
     """Return layout and linear part of rails in shapes of nominal ones."""
     base, of_base = varied.base, varied.base.linear
     made = _linear_of(panel, varied.rails, of_base.rails, of_base.rows, base.held, of_base.travel)
-    known = _nominal_mechanism(base, nominal, objects)
+    known = _nominal_mechanism(base, nominal)
     linear = replace(made, nominal=known, ratios=varied.ratios)
     return _Kept(frame, base.rails, base.held, linear, base=base)
 
 
-def _nominal_mechanism(
-    base: _Kept, nominal: LoadedPanel, objects: Sequence[PlacedObject]
-) -> Mechanism:
+def _nominal_mechanism(base: _Kept, nominal: LoadedPanel) -> Mechanism:
     """Return the mechanism of nominal rails."""
     found = base.nominal.get(nominal.hash)
     if found is None:
@@ -422,7 +416,7 @@ def _nominal_mechanism(
         found = Mechanism(
             matrices=linear.matrices,
             core=linear.rows,
-            laws=law_table(layout, nominal, objects, travel=linear.travel),
+            laws=law_table(layout, nominal, (), travel=linear.travel),
             rails=linear.rails,
         )
         base.nominal.put(nominal.hash, found)
@@ -460,21 +454,23 @@ def _put_objects(
     bare: _Kept, panel: Panel, objects: Sequence[PlacedObject], nominal: LoadedPanel | None
 ) -> _Placed:
     """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
-    kept, added, nodes = bare, objects, list[PlacedObject]()
+    kept, nodes = bare, list[PlacedObject]()
     standing = [item for item in objects if not is_off_node(panel, item)]
     between = objects[len(standing) :]
     rows = node_rows(panel, standing, kept.rails, bare.linear.rails)
     if rows is None:
-        kept = _kept(panel, standing, nominal)
-        kept, added, rows, nodes = kept.base or kept, between, [], standing
-    linear, layout = kept.linear, kept.frame.layout
-    if not added:
-        return _Placed(linear, layout, None, ({},) * len(standing), tuple(nodes))
+        kept, nodes = _kept(panel, standing, nominal), standing
+        kept = kept.base or kept
+        rows = node_rows(panel, standing, kept.rails, kept.linear.rails)
+    if rows is None:
+        message = "rails made with nodes for objects lack coordinates for them"
+        raise MechanicsError(message)
+    linear = kept.linear
     rows += [approach_row(panel, item, linear.rails) for item in between]
     yields = [_yields(panel, item, kept, varied=nominal is not None) for item in between]
     stacked = np.array(rows)
     stacked.flags.writeable = False
-    layout = layout.with_objects([item.name for item in added])
+    layout = kept.frame.layout.with_objects([item.name for item in objects])
     return _Placed(linear, layout, stacked, (*({} for _ in standing), *yields), tuple(nodes))
 
 
@@ -494,8 +490,9 @@ def _yields(panel: Panel, item: PlacedObject, kept: _Kept, *, varied: bool) -> d
 def _made_frame(
     panel: Panel, objects: Sequence[PlacedObject], layout: LawLayout | None = None
 ) -> _Frame:
-    layout = lay_out(panel, objects) if layout is None else layout
-    rails = tuple(_rail_data(panel, layout.rows, objects))
+    with_points = layout or lay_out(panel, objects)
+    layout = layout or lay_out(panel, ())  # rows of objects are added to it
+    rails = tuple(_rail_data(panel, with_points.rows, objects))
     # about ten megabytes each; varied ones hold little
     kept, varied = LRUCache[_Kept](12), LRUCache[_Kept](4)
     begun = LRUCache[_Varied](MOST_VARIED)

@@ -130,7 +130,7 @@ def shape_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Hashable:
     panel : LoadedPanel
         The panel.
     objects : sequence of PlacedObject
-        Foreign objects, of which names and places count.
+        Foreign objects, of which names and places count, and whether their faces slope.
 
     Examples
     --------
@@ -145,7 +145,7 @@ def shape_of(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Hashable:
     """
     rails = tuple([(rail.fit_gap is None, rail.has_stock_rail) for rail in panel.rail.values()])
     places = tuple(
-        [(item.name, item.rail, item.x, item.height, item.face_slope) for item in objects]
+        [(item.name, item.rail, item.x, item.height, item.face_slope != 0.0) for item in objects]
     )
     rollers = tuple([chair.roller_lift is not None for chair in panel.chair.values()])
     return panel.digest_without(SHAPELESS), rails, rollers, places
