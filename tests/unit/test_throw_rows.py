@@ -17,9 +17,8 @@ from turnout.throw.output_rows import (
     HISTORIES,
     OutputRows,
     RowBlock,
-    clear_row_blocks,
-    kept_row_block,
     merge_blocks,
+    row_blocks,
     sums_of_columns,
     weighted_columns,
 )
@@ -211,10 +210,10 @@ def test_weights_are_made_once_for_rails_that_throws_share(solved: Solved) -> No
         return RowBlock(sums_of_columns("g", []), {})
 
     shared = panel.rail
-    assert kept_row_block((shared,), ("once",), make) is kept_row_block((shared,), ("once",), make)
-    assert kept_row_block((dict(shared),), ("once",), make)
+    assert row_blocks.get((shared,), ("once",), make) is row_blocks.get((shared,), ("once",), make)
+    assert row_blocks.get((dict(shared),), ("once",), make)
     assert len(made) == 2
-    clear_row_blocks()
+    row_blocks.clear()
     again = simulate(panel, foreign_object=ForeignObject(0.05, "sleeper 6"), mode="quick")
     xr.testing.assert_identical(kept.drop_attrs(), again.drop_attrs())
 

@@ -141,7 +141,7 @@ def planned_work(
     *,
     advise: bool = False,
 ) -> float:
-    """Return what a calibration usually takes, with what comes after the stages [quick throws]."""
+    """Return the usual work of a calibration, search and advice included [quick throws]."""
     total = 0.0
     for number, stage in enumerate(plan.stages, 1):
         chosen = selected(movements, stage.movements, panel)
@@ -162,7 +162,7 @@ def _distinct(movements: Sequence[MeasuredMovement]) -> int:
 
 
 def _joint_work(chosen: Sequence[MeasuredMovement], parameters: Sequence[Parameter]) -> float:
-    """Return what the last stage takes without a search for causes [quick throws]."""
+    """Return the work of the last stage without a search for causes [quick throws]."""
     leading = min(len(chosen), JOINT_MOVEMENTS)
     slopes = THROWN_SLOPES * len(parameters) + OBJECT_SLOPES
     joining = JOINING_THROWS if len(chosen) > leading else 0
@@ -183,12 +183,12 @@ def advice_work(movements: int, parameters: int) -> float:
 def work_per_step(
     plan: CalibrationPlan, movements: Sequence[MeasuredMovement], panel: LoadedPanel
 ) -> float:
-    """Return what one step of the last stage takes without slopes [quick throws]."""
+    """Return the work of one step of the last stage without slopes [quick throws]."""
     return WORK["plain"] * len(selected(movements, plan.stages[-1].movements, panel))
 
 
 def work_of_search(found: Fit, panel: LoadedPanel) -> float:
-    """Return what a search for one cause of what a fit misses takes, with its fit [quick throws].
+    """Return the work of a search for one cause of a misfit, with its fit [quick throws].
 
     Each cause that changes the panel is thrown at all its sizes; the likeliest one is fitted with
     slopes of its own, and then with all values to the end.

@@ -1,4 +1,4 @@
-"""Measured movements as a fit sees them: what was thrown, and means over short bins of time.
+"""Measured movements as a fit sees them: movement, objects, and means over short bins of time.
 
 Trapped objects are unknowns: how thick they truly are, and where, against the run sheet. All
 objects of a campaign are thicker by something in common, in every fit. Where this is not enough,
@@ -433,13 +433,13 @@ def common_unknowns(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
 
 
 def own_thicknesses(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
-    """Return what each size of object differs by from what all do [m]."""
+    """Return the difference of each size of object from the common one [m]."""
     sizes = sorted({item.size for item in movements if item.size > 0})
     return [known_to(thickness_name(size), 0.0, THICKNESS, keys=()) for size in sizes]
 
 
 def own_places(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
-    """Return what each place of objects differs by from what all do [m]."""
+    """Return the difference of each place of objects from the common one [m]."""
     places = dict.fromkeys(item.place for item in movements if item.size > 0)
     return [known_to(shift_name(place), 0.0, PLACE, keys=()) for place in places]
 

@@ -96,7 +96,7 @@ def gauge_command(
 
     try:
         dataset = gauge_under_wheel(
-            loaded if classes is None else _judged_by(loaded, limits or "", classes),
+            _judged_by(loaded, limits, classes),
             lateral=forces[0],
             vertical=forces[1],
             foreign_object=foreign,
@@ -117,16 +117,17 @@ def gauge_command(
         raise typer.Exit(FINDINGS)
 
 
-def _judged_by(panel: "LoadedPanel", named: str, limits: "GaugeLimits") -> "LoadedPanel":
-    """Return a panel judged by other limits: by the class of its line speed, or the widest class.
+def _judged_by(
+    panel: "LoadedPanel", named: str | None, limits: "GaugeLimits | None"
+) -> "LoadedPanel":
+    """Return a panel judged by the limits that are named, if any: by the class of its line speed.
 
     Without a line speed a gauge is too narrow where no class allows it at any speed.
     """
-    if panel.gauge is None:
+    if panel.gauge is None or named is None or limits is None:
         return panel
-    changes: dict[str, Any] = {"gauge.limits": named}
-    if names_a_file(named):
-        changes = {"gauge.limits": str(user_path(named).resolve())}
+    source = str(user_path(named).resolve()) if names_a_file(named) else named
+    changes: dict[str, Any] = {"gauge.limits": source}
     if panel.gauge.line_speed is None:
         changes["gauge.limit"] = max(item.narrowing for item in limits.classes)
     return panel.with_overrides(changes)

@@ -490,9 +490,10 @@ def _yields(panel: Panel, item: PlacedObject, kept: _Kept, *, varied: bool) -> d
 def _made_frame(
     panel: Panel, objects: Sequence[PlacedObject], layout: LawLayout | None = None
 ) -> _Frame:
-    with_points = layout or lay_out(panel, objects)
-    layout = layout or lay_out(panel, ())  # rows of objects are added to it
-    rails = tuple(_rail_data(panel, with_points.rows, objects))
+    rows = (layout or lay_out(panel, objects)).rows
+    if layout is None:  # rows of objects are added to it
+        layout = lay_out(panel, ())
+    rails = tuple(_rail_data(panel, rows, objects))
     # about ten megabytes each; varied ones hold little
     kept, varied = LRUCache[_Kept](12), LRUCache[_Kept](4)
     begun = LRUCache[_Varied](MOST_VARIED)

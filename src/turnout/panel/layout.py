@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from turnout.core.lru_cache import LRUCache
+from turnout.core.lru_cache import SharedResults
 from turnout.panel.markers import marker_level, ordered_movements, start_offset
 from turnout.panel.model import Panel
 from turnout.panel.profile import (
@@ -26,9 +26,7 @@ from turnout.panel.records import Drive, OnRails, Sensor
 FloatArray = npt.NDArray[np.float64]
 
 
-# Throws of a study share the records that openings follow from; these are named by their identity,
-# and drives, whose stiffness often varies, by what counts of them.
-_openings = LRUCache[tuple[float | None, object]](256)
+_openings = SharedResults[float | None](256)
 
 
 def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
@@ -53,11 +51,8 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
         (drive.rail, drive.x, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
         for drive in panel.drive.values()
     )
-    key = (*map(id, families), ways, rail, x)
-    known = _openings.get(key)
-    if known is None:
-        known = _openings.put(key, (_largest_opening(panel, rail, x), families))
-    return known[0]
+    # drives, whose stiffness often varies, by what counts of them
+    return _openings.get(families, (ways, rail, x), lambda: _largest_opening(panel, rail, x))
 
 
 def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:

@@ -41,7 +41,6 @@ def judged_rail(panel: Panel, position: str) -> str | None:
     return name if known and not single else None
 
 
-# Named by identity: rows of rails that throws share.
 _rows = SharedResults[Floats](32)
 
 

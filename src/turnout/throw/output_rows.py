@@ -6,7 +6,7 @@ share them.
 """
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -207,16 +207,5 @@ def stack_rows(rows: Sequence[OutputRows]) -> OutputRows:
     )
 
 
-_blocks = SharedResults[RowBlock](16)
-
-
-def kept_row_block(
-    named: Sequence[object], values: Sequence[Hashable], make: Callable[[], RowBlock]
-) -> RowBlock:
-    """Return a block of rows, made once for the same objects and values; see `SharedResults`."""
-    return _blocks.get(named, values, make)
-
-
-def clear_row_blocks() -> None:
-    """Forget all weights, and the rails that they keep in memory."""
-    _blocks.clear()
+row_blocks = SharedResults[RowBlock](16)
+"""Blocks of rows, with the rails that they keep in memory."""

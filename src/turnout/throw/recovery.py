@@ -28,7 +28,7 @@ from turnout.throw.output_rows import (
     HISTORIES,
     OutputRows,
     RowBlock,
-    kept_row_block,
+    row_blocks,
     weighted_columns,
 )
 from turnout.throw.stored_displacements import stored_rows, stored_share
@@ -293,11 +293,11 @@ def row_block_of(
     values: Sequence[Hashable],
     make: Callable[[], RowBlock],
 ) -> RowBlock:
-    """Return a block that depends on the rails and the laws of a run too, see `kept_row_block`."""
+    """Return a block that depends on the rails and the laws of a run too, see `row_blocks`."""
     laws = motion.history.laws
     of_rails = (motion.shapes, motion.rows, motion.condensed)
     of_laws = (part.tobytes() for part in (motion.slope, laws.row, laws.friction_row))
-    return kept_row_block((*named, *of_rails), (*values, *of_laws), make)
+    return row_blocks.get((*named, *of_rails), (*values, *of_laws), make)
 
 
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:

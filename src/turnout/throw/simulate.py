@@ -153,10 +153,10 @@ def release_memory() -> None:
     """Free memory that a next run would use again: histories, condensed rails."""
     from turnout.throw.dataset import clear_descriptions
     from turnout.throw.dataset_template import clear_datasets
-    from turnout.throw.output_rows import clear_row_blocks
+    from turnout.throw.output_rows import row_blocks
 
     clear_memory()
-    clear_row_blocks()
+    row_blocks.clear()
     clear_datasets()
     clear_descriptions()
 

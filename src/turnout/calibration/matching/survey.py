@@ -158,7 +158,7 @@ def measurement_gains(
     measured: Floats,
     answers: Floats,
 ) -> list[Gain]:
-    r"""Return what each further measurement is expected to leave, the most useful first.
+    r"""Return the spread that each further measurement should leave, the most useful first.
 
     Each accepted panel is taken as the true one in turn. A measurement of it gives every panel the
     weight

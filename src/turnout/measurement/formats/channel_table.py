@@ -6,7 +6,7 @@ and several throws in one table never become one channel.
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -230,10 +230,8 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Return the rows of each throw by its label, and the column that tells them apart."""
     rows = max((len(column.cells) for column in table.columns), default=0)
     curves = bool(table.curves) and rows > 1
-    numbers = {p: values.tolist() for p, values in table.values.items()}
-    for place, cells in {**numbers, **table.texts}.items():
-        if not is_throw_name(table.columns[place].name):
-            continue
+    numbers, texts = _cells_named(table, is_throw_name)
+    for place, cells in {**numbers, **texts}.items():
         labels = [cell if isinstance(cell, str) else f"{cell:g}" for cell in cells]
         starts = _changes(labels)
         names = [labels[i] for i in starts]
@@ -242,11 +240,10 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     if curves:
         shown = label_of(table, next(iter(table.curves)))
         return _rows(range(rows), rows), f"a curve in each cell of column '{shown}'"
-    for place, turns in {**table.texts, **numbers}.items():
-        if table.axes or not is_direction_name(table.columns[place].name):
-            continue
+    numbers, texts = _cells_named(table, is_direction_name)
+    for place, turns in {**texts, **numbers}.items():
         starts = _changes(turns)
-        if 1 < len(starts) <= len(turns) / LEAST_CURVE:
+        if 1 < len(starts) <= len(turns) / LEAST_CURVE and not table.axes:
             return _rows(starts, len(turns)), f"column '{label_of(table, place)}' changes"
     indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
     times = {place: axis.seconds for place, axis in table.axes.items()}
@@ -258,6 +255,15 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
             break
         return _rows([0, *again], values.size), f"'{label_of(table, place)}' starts again"
     return {}, ""
+
+
+def _cells_named(
+    table: Table, is_named: Callable[[str], bool]
+) -> tuple[dict[int, list[Any]], dict[int, list[Any]]]:
+    """Return the cells of the columns of numbers and of those of texts with some names."""
+    names = {place: table.columns[place].name for place in (*table.values, *table.texts)}
+    numbers = {p: values.tolist() for p, values in table.values.items() if is_named(names[p])}
+    return numbers, {p: list(cells) for p, cells in table.texts.items() if is_named(names[p])}
 
 
 def _changes(cells: Sequence[object]) -> list[int]:
