@@ -428,12 +428,12 @@ def check_friction_course(path: Path, chair: Any) -> Iterator[Problem]:
         return
     pairs = opening is not None and (len(states) > 1 if factor is None else True)
     if not pairs or (factor is not None and len(opening) != len(factor)):
-        text = "needs friction_opening and friction_factor with as many values each"
+        text = ": needs friction_opening and friction_factor with as many values each"
         yield Problem((*path, "friction_factor"), text)
     elif opening[0] != 0.0 or any(b <= a for a, b in pairwise(opening)):
         yield Problem((*path, "friction_opening"), ": must begin with 0 and rise")
     elif factor is not None and (min(factor) < 0.0 or max(factor) > 10.0):
-        yield Problem((*path, "friction_factor"), "every factor must be 0 to 10")
+        yield Problem((*path, "friction_factor"), ": every factor must be 0 to 10")
 
 
 def check_friction_curve(path: Path, chair: Any) -> Iterator[Problem]:
