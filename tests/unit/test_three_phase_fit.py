@@ -225,6 +225,7 @@ def bad(data: xr.Dataset, channel: str, factor: float) -> xr.Dataset:
     ("channel", "factor", "message"),
     [
         ("power", 5.0, "another unit, a phase that is missing"),
+        ("power", 1.0 / 3.0, "or power of one phase"),
         ("power", 1e-3, "another unit"),
         ("current", 1e3, "another unit"),
         ("voltage", 1 / math.sqrt(3.0), "voltages of a phase to neutral"),
@@ -242,6 +243,14 @@ def test_what_contradicts_is_one_message(
     assert errors.count("drive 1") == 1
     if channel == "voltage":
         assert run_here(*line, "--to-neutral", folder=tmp_path)[0] == 0
+
+
+def test_copper_that_would_take_all_of_the_power_is_refused() -> None:
+    """Two of three phases: the power factor is possible, the slopes are not with such power."""
+    with pytest.raises(
+        MeasurementError, match=r"drive 1: by its slopes line and stator take 8\d %"
+    ):
+        fit_of(bad(campaign(throws=60), "power", 2.0 / 3.0))
 
 
 def test_too_few_throws_and_unknown_names_are_refused() -> None:
@@ -296,15 +305,23 @@ kind = "scaled"
 """
 
 
-@pytest.mark.parametrize("silent", [False, True])
-def test_a_folder_of_recordings_at_40_ms(silent: bool, tmp_path: Path) -> None:  # noqa: FBT001
+@pytest.mark.parametrize(
+    ("third", "code", "message"),
+    [
+        (1.0, 0, ""),
+        (0.8, 0, "unbalanced phases of drive_current.1: I1 +7 %, I2 +7 %, I3 -14 % of their mean"),
+        (0.0, 2, "its phase 'I3' is silent"),
+    ],
+)
+def test_a_folder_of_recordings_at_40_ms(
+    third: float, code: int, message: str, tmp_path: Path
+) -> None:
     data = campaign(throws=12).isel(drive=0)
     lines = []
     for k, one in enumerate(data.transpose("movement", ...)["movement"]):
         row = data.sel(movement=one)
         u, i, p = (row[f"drive_{w}"].values for w in ("voltage", "current", "power"))
-        third = 0.0 * i if silent else i
-        table = np.stack([row["time"].values + 0.4, u, u, u, i, i, third, p], axis=1)
+        table = np.stack([row["time"].values + 0.4, u, u, u, i, i, third * i, p], axis=1)
         head = "time [s],U1 [V],U2 [V],U3 [V],I1 [A],I2 [A],I3 [A],P [W]"
         np.savetxt(
             tmp_path / f"{k}.csv", table, delimiter=",", header=head, comments="", fmt="%.3f"
@@ -312,9 +329,10 @@ def test_a_folder_of_recordings_at_40_ms(silent: bool, tmp_path: Path) -> None: 
         lines.append(f"{k}.csv,closing,0,none\n")
     (tmp_path / "runs.csv").write_text(SHEET + "".join(lines), encoding="utf-8")
     (tmp_path / "channels.toml").write_text(MAP, encoding="utf-8")
-    code, errors = run_here("machine", "fit", ".", "--three-phase", "380 V", folder=tmp_path)
-    assert code == (2 if silent else 0), errors
-    assert ("its phase 'I3' is silent" in errors) == silent
+    found, errors = run_here("machine", "fit", ".", "--three-phase", "380 V", folder=tmp_path)
+    assert found == code, errors
+    assert message in errors
+    assert errors.count("unbalanced") == (third == 0.8)
 
 
 def test_copies_of_a_throw_and_two_machines_in_one_current_are_refused() -> None:

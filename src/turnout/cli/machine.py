@@ -398,6 +398,8 @@ def fit_command(
         )
 
         fits = fit_three_phase(dataset, rated_voltage=rated, to_neutral=to_neutral, free=free)
+        for text in str(dataset.attrs.get("unbalanced", "")).splitlines():
+            note(text)
         output.show(*three_phase_lines(fits))
         output.json(three_phase_record, fits, units=THREE_PHASE_UNITS)
         return

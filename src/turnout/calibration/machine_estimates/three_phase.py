@@ -36,6 +36,7 @@ from turnout.calibration.machine_estimates.three_phase_circuit import SupplyCirc
 from turnout.calibration.machine_estimates.three_phase_throws import (
     CHANNELS,
     LEAST_THROWS,
+    ONE_PHASE,
     ThrowMeans,
     contradictions,
     throw_means,
@@ -56,6 +57,8 @@ samples began before the contactor closed [-]."""
 STARTS = tuple((r, n) for r in (0.15, 0.45, 0.75) for n in (1.5, 4.0, 8.0))
 """Resistance as a share of the largest that the power allows, and saturation, of the starts [-]."""
 MOST_SATURATION = 20.0
+MOST_COPPER = 0.8
+"""Share of the power that line and stator take at most; 0.5 to 0.7 are measured [-]."""
 DEPARTS = 3.0
 """Standard deviations from which a bend that the circuit leaves is stated."""
 WORSE = 1.15
@@ -222,11 +225,15 @@ def fit_three_phase(
         throws = list(throw_means(campaign, drive, to_neutral=to_neutral))
         problems += contradictions(throws, drive, rated_voltage, to_neutral=to_neutral)
         found.append((drive, throws))
+    fits = []
+    for drive, throws in [] if problems else found:
+        try:
+            fits.append(fit_throws(drive, throws, rated_voltage=rated_voltage, free=free))
+        except MeasurementError as error:
+            problems += error.problems
     if problems:
         raise MeasurementError(problems, source="three-phase fit")
-    return tuple(
-        fit_throws(drive, throws, rated_voltage=rated_voltage, free=free) for drive, throws in found
-    )
+    return tuple(fits)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -370,6 +377,11 @@ def fit_throws(
         Between lines, rms [V].
     free : sequence of str
         Throws with the rod off.
+
+    Raises
+    ------
+    MeasurementError
+        Where the copper would take more than a machine's power leaves it.
     """
     missing = tuple(LETTERS[w] for w in CHANNELS if getattr(throws[0], w) is None)
     blocks = _blocks(throws)
@@ -429,14 +441,21 @@ def _with_circuit(
     """Return what voltage, current and power tell."""
     u, p, count = fit.voltage, fit.power, fit.throws
     fitted, same, leakage, rotor = _circuit(blocks, throws, (u, p), line)
-
+    most = _largest_resistance(p, line)
+    copper = fitted.parameter(1, count).low / most
+    if copper > MOST_COPPER:
+        text = (
+            f"drive {fit.drive}: by its slopes line and stator take {100 * copper:.0f} % of the "
+            f"power or more, {100 * MOST_COPPER:.0f} % at most are possible: {ONE_PHASE}"
+        )
+        raise MeasurementError([text], source="three-phase fit")
     current, per_volt = _over_throws(fitted, blocks, (u, p), fit.rated_voltage)
     return replace(
         fit,
         current=current,
         per_volt=per_volt,
         per_watt=_per_watt(fitted, line, (u, p), count),
-        resistance=_stated(fitted, 1, count, most=_largest_resistance(p, line)),
+        resistance=_stated(fitted, 1, count, most=most),
         saturation=_stated(fitted, 2, count, most=MOST_SATURATION),
         loss=_loss(throws, free, fitted.parameter(1, count)),
         leakage=leakage,

@@ -33,7 +33,12 @@ from turnout.measurement.campaign.sheet_checks import (
     series_remarks,
     slip_remarks,
 )
-from turnout.measurement.chain.apply import load_channel_map, map_hash, stated_uncertainties
+from turnout.measurement.chain.apply import (
+    UNLIKE_PHASES,
+    load_channel_map,
+    map_hash,
+    stated_uncertainties,
+)
 from turnout.measurement.chain.channel_map import ChannelMap, drives_together
 from turnout.measurement.chain.recorder import stated_recorder
 from turnout.measurement.quality.channel_faults import MEASURED, Limits
@@ -247,6 +252,9 @@ def build_campaign_dataset(
         *_remarks(usable, slipped),
         *([UNCHECKED] if dataset is not None and _may_be_exchanged(dataset) else []),
     ]
+    unlike = [text for text in remarks if f": {UNLIKE_PHASES}" in text]
+    if dataset is not None and unlike:
+        dataset.attrs["unbalanced"] = "\n".join(unlike)
     return BuiltCampaign(dataset, sheet, tuple(excluded), tuple(remarks), reused)
 
 
@@ -353,8 +361,8 @@ def _remarks(usable: Sequence[Usable], slipped: Sequence[bool | None]) -> list[s
     said: dict[str, tuple[str, list[SheetRow]]] = {}
     for run, piece, verdict in usable:
         for text in (*piece.notes, *verdict.remarks):
-            # A silent channel is the same fault in all movements, whatever is left of it.
-            key = text.split(":")[0] if text.startswith("dead channel") else text
+            # The same fault in all movements, whatever is left of a silent channel or its size is.
+            key = text.split(":")[0] if text.startswith(("dead channel", UNLIKE_PHASES)) else text
             said.setdefault(key, (text, []))[1].append(run)
     return [
         *order_remarks(runs, [piece.start_time for _, piece, _ in usable]),

@@ -7,7 +7,7 @@ common time). `raw_from_physical` is the inverse, `mapped_channels` lists the ou
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -483,6 +483,7 @@ class _MappedColumn:
     column: RecordedChannel
     sensor: AnySensor
     line: SensorLine
+    remark: str
 
     @property
     def is_force(self) -> bool:
@@ -507,14 +508,16 @@ def _mapped_columns(recording: Recording, channel_map: ChannelMap) -> list[_Mapp
                 )
             continue
         try:
-            channel = _mean_of_phases(channel, columns[1:], sensor.phases)
+            channel, unlike = _mean_of_phases(channel, columns[1:], sensor.phases)
             line = line_of(sensor, quantity=dimension, recorded_unit=channel.unit)
             if dimension is POWER:  # the sum is so many times the mean
                 line = replace(line, scale=line.scale * (1 + len(sensor.phases)))
         except ValueError as error:
             problems.append(f"{key} (column '{sensor.column}'): {error}")
             continue
-        found.append(_MappedColumn(key, channel, sensor, line))
+        most = UNBALANCED.get(dimension, math.inf)
+        remark = _unbalanced_text(key, unlike) if max(map(abs, unlike.values())) > most else ""
+        found.append(_MappedColumn(key, channel, sensor, line, remark))
     if not found and not problems:
         problems.append("none of the columns of the channel map is in the file")
     if problems:
@@ -533,6 +536,7 @@ def _conditioned(
         column, rest = item.column, item.sensor.tare
         other = other_unit(item.sensor, item.line, recorded_unit=column.unit)
         notes += [f"{item.key} (column '{column.name}'): {other}"] if other else []
+        notes += [item.remark] if item.remark else []
         values = item.line.physical(column.values)
         if rest is not None:
             start, end = rest.start - column.start, rest.end - column.start
@@ -558,14 +562,19 @@ def _column(recording: Recording, name: str) -> RecordedChannel | None:
 
 SILENT_PHASE = 0.05
 """A phase whose largest value is below this share of that of the others is missing [-]."""
+UNLIKE_PHASES = "unbalanced phases"
+UNBALANCED = {CURRENT: 0.05, VOLTAGE: 0.02}
+"""Deviations of a phase from the mean of all from which they are unbalanced: voltages as EN 50160
+allows them; such voltages of a running motor move its currents by more [-]."""
 
 
 def _mean_of_phases(
     first: RecordedChannel, others: list[RecordedChannel | None], names: list[str]
-) -> RecordedChannel:
-    """Return the mean of the phases of a drive; ValueError when one is missing or differs.
+) -> tuple[RecordedChannel, dict[str, float]]:
+    """Return the mean of the phases of a drive, and by how much of it the rms of each is off.
 
-    A phase that is silent while the others run would make the mean a third too small.
+    ValueError when one is missing or differs. A phase that is silent while the others run would
+    make the mean a third too small.
     """
     values = [first.values]
     for name, other in zip(names, others, strict=True):
@@ -582,7 +591,17 @@ def _mean_of_phases(
         if most < SILENT_PHASE * max(largest):
             message = f"its phase '{name}' is silent while the others are not: a dead channel?"
             raise ValueError(message)
-    return replace(first, values=np.mean(values, axis=0)) if names else first
+    sizes = [math.sqrt(float(np.nanmean(np.square(row)))) for row in values]
+    mean = math.fsum(sizes) / len(sizes)
+    unlike = [size / mean - 1.0 if mean > 0.0 else 0.0 for size in sizes]
+    joined = replace(first, values=np.mean(values, axis=0)) if names else first
+    return joined, dict(zip([first.name, *names], unlike, strict=True))
+
+
+def _unbalanced_text(key: str, unlike: Mapping[str, float]) -> str:
+    """Return by how much each phase of a quantity is off the mean, as a remark."""
+    parts = ", ".join(f"{name} {100.0 * off:+.0f} %" for name, off in unlike.items())
+    return f"{UNLIKE_PHASES} of {key}: {parts} of their mean, which is taken"
 
 
 def _dataset(
