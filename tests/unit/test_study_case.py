@@ -58,6 +58,10 @@ def test_commands_take_a_case() -> None:
     assert "plausible-panels:17: OK (uic60-760-1-15" in done.output
     shown = CliRunner().invoke(app, ["panel", "show", "plausible-panels:17"])
     assert shown.output.startswith("plausible-panels:17, a case of uic60-760-1-15  (hash ")
+    loads = ["--lateral", "5 kN", "--vertical", "50 kN"]
+    gauge = CliRunner().invoke(app, ["gauge", "plausible-panels:17", *loads])
+    assert gauge.exit_code == 0, gauge.output
+    assert "plausible-panels:17, a case of uic60-760-1-15, rail straight closed" in gauge.output
 
 
 def test_values_that_change_together_are_tried_together() -> None:

@@ -56,16 +56,19 @@ def load_panel_or_case(
     return panel.with_overrides(overrides) if overrides else panel
 
 
-def case_of(name_or_path: str | Path | None) -> str:
-    """Return what names a case of a study as it stands, empty for a panel.
+def shown_name(panel: LoadedPanel, name_or_path: str | Path | None) -> str:
+    """Return the name of a panel, behind that of the case of a study by which it was asked for.
 
     Examples
     --------
-    >>> case_of("plausible-panels:7"), case_of("sb1")
-    ('plausible-panels:7', '')
+    >>> shown_name(load_panel_or_case("plausible-panels:7"), "plausible-panels:7")
+    'plausible-panels:7, a case of uic60-760-1-15'
+    >>> shown_name(load_panel_or_case("sb1"), "sb1")
+    'sb1'
     """
-    named = isinstance(name_or_path, str) and _CASE.fullmatch(name_or_path.strip())
-    return str(name_or_path).strip() if named else ""
+    if isinstance(name_or_path, str) and _CASE.fullmatch(name_or_path.strip()):
+        return f"{name_or_path.strip()}, a case of {panel.name}"
+    return panel.name
 
 
 def _refuse_study(name: str) -> None:

@@ -80,6 +80,7 @@ def gauge_command(
     strict: bool = option("--strict", "Exit code 1 if the gauge is narrower than allowed."),
 ) -> None:
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
+    from turnout.calibration.case import shown_name
     from turnout.metric.least_gauge import least_gauges
     from turnout.panel.foreign_object import parse_objects
     from turnout.panel.gauge_limits import limits_of, load_gauge_limits
@@ -109,7 +110,9 @@ def gauge_command(
         note(str(error))
         raise typer.Exit(INCOMPLETE) from None
     found, classes = least_gauges(dataset), classes or limits_of(dataset.attrs)
-    output.lines(gauge_lines(dataset, found, classes))
+    name = shown_name(loaded, panel.panel)
+    dataset.attrs["title"] = dataset.attrs["title"].replace(loaded.name, name)
+    output.lines(gauge_lines(dataset, found, classes, name=name))
     output.dataset(output["out"], dataset)
     output.figure(output["plot"], plot_gauge, dataset)
     output.json(gauge_record, dataset, found, classes, units=GAUGE_UNITS)
@@ -160,11 +163,11 @@ def _least(found: "Sequence[LeastGauges]") -> float:
 
 
 def gauge_lines(
-    dataset: "xr.Dataset", found: "Sequence[LeastGauges]", limits: "GaugeLimits"
+    dataset: "xr.Dataset", found: "Sequence[LeastGauges]", limits: "GaugeLimits", *, name: str
 ) -> Iterator[str]:
-    """Yield the least gauges for each load, and their limits."""
+    """Yield the least gauges for each load, and their limits, under the name of the panel."""
     attributes, first = dataset.attrs, found[0]
-    yield f"{'panel':<16}{attributes['panel']}, rail {attributes['rail']} closed"
+    yield f"{'panel':<16}{name}, rail {attributes['rail']} closed"
     yield f"{'at rest':<16}{1e3 * first.at_rest:.1f} mm at {first.rest_place}"
     yield HEADING
     for item in found:

@@ -67,13 +67,14 @@ def panel_show_command(
     values: bool = option("--values", "List every value with its origin."),
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
-    from turnout.calibration.case import case_of
+    from turnout.calibration.case import shown_name
     from turnout.cli.show import PANEL_UNITS, check_throws, panel_lines, panel_record
     from turnout.figures.plan import plot_plan
 
     opened = panel.opened()
     found = check_throws(opened) if throw else None
-    output.lines(panel_lines(opened, case=case_of(panel.panel), thrown=found, values=values))
+    name = shown_name(opened, panel.panel)
+    output.lines(panel_lines(opened, name=name, thrown=found, values=values))
     output.figure(output["plot"], plot_plan, opened, dataset=found.dataset if found else None)
     output.json(panel_record, opened, found, units=PANEL_UNITS)
     if found and (code := end_code(found.dataset)):

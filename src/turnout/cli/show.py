@@ -151,7 +151,7 @@ class CheckThrows:
 def panel_lines(
     panel: "LoadedPanel",
     *,
-    case: str = "",
+    name: str = "",
     thrown: CheckThrows | None = None,
     values: bool = False,
 ) -> Iterator[str]:
@@ -161,15 +161,14 @@ def panel_lines(
     ----------
     panel : LoadedPanel
         Loaded panel with the origin of every number.
-    case : str
-        By which it was named, where it is a case of a study.
+    name : str
+        In the heading; default that of the panel.
     thrown : Thrown, optional
         Adds results that need throws.
     values : bool
         Whether every value is listed, or only those that are assumed.
     """
-    name = f"{case}, a case of {panel.name}" if case else panel.name
-    yield f"{name}  (hash {panel.hash[:12]})"
+    yield f"{name or panel.name}  (hash {panel.hash[:12]})"
     yield from textwrap.wrap(" ".join(panel.description.split()), WIDTH)
     yield from ("", "PLAN, the closing direction of the instrumented rail upwards")
     yield from plan_lines(panel)
