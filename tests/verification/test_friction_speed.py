@@ -348,6 +348,27 @@ def test_impossible_curves_are_refused(given: dict, said: str) -> None:
     assert len(caught.value.problems) == 1
 
 
+@pytest.mark.parametrize(
+    ("chairs", "key", "value", "needed", "remedy"),
+    [
+        ("chair", "stribeck_speed", 0.01, "static_ratio or friction_state", {"static_ratio": 1.2}),
+        ("chair.2", "stribeck_speed", 0.01, "static_ratio or", {"friction_state": "dry"}),
+        ("chair", "roller_friction", 0.05, "roller_lift", {"roller_lift": 2e-3}),
+        ("chair.2", "roller_stiffness", 1e6, "roller_lift", {"roller_lift": 2e-3}),
+    ],
+)
+def test_values_without_effect_are_refused(
+    chairs: str, key: str, value: float, needed: str, remedy: dict
+) -> None:
+    """Named once; what a single chair needs may stand in the values of all chairs."""
+    with pytest.raises(PanelError) as caught:
+        PANEL.with_overrides({f"{chairs}.{key}": value})
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"{chairs}.{key}: without effect, as no chair has {needed}")
+    first = {f"chair.1.{name}": given for name, given in remedy.items()}
+    assert PANEL.with_overrides({f"{chairs}.{key}": value, **first})
+
+
 def test_quasi_static_mode_knows_no_speed() -> None:
     dry = PANEL.with_overrides({"chair.friction_state": "dry"})
     with pytest.raises(SolverError, match=r"no speed for friction that follows it; take"):

@@ -23,6 +23,7 @@ from turnout.panel.check_rails import (
     check_drive_table,
     check_friction_course,
     check_friction_curve,
+    check_needed_of_chairs,
     check_saturation,
     check_section_kinds,
     check_section_name,
@@ -506,6 +507,7 @@ CHECKS: Mapping[str, tuple[Check, ...]] = {
 BETWEEN: Mapping[str, Callable[[Draft], Iterator[Problem]]] = {
     "opposite ways": _opposite_ways,
     "section kinds": check_section_kinds,
+    "needed of chairs": check_needed_of_chairs,
     "supplies": _supplies,
 }
 """Checks of several records at once."""

@@ -19,7 +19,7 @@ from turnout.core.problems import Problem, choices, nearest, show_value
 from turnout.law.friction_state import FASTEST, FRICTION_STATES
 from turnout.panel.library_members import library_outline_names
 from turnout.panel.profile import outline_points, section_columns
-from turnout.panel.records import Drive, Profile, SectionTable
+from turnout.panel.records import Chair, Drive, Profile, SectionTable
 from turnout.panel.validate import Draft, Partial
 
 Check = Callable[[Draft, Path, Any], Iterator[Problem]]
@@ -458,6 +458,26 @@ def check_friction_curve(path: Path, chair: Any) -> Iterator[Problem]:
         )
         text += f"{FASTEST:g} m/s, at most {LARGEST_RISE:g} times; give {LARGEST_RISE - 1:g} s/m or"
         yield Problem((*path, "friction_rise"), f"{text} less")
+
+
+NEEDED = {
+    "stribeck_speed": ("static_ratio", "friction_state"),
+    "roller_stiffness": ("roller_lift",),
+    "roller_friction": ("roller_lift",),
+}
+"""Values of chairs, and those of which a chair must have one for them to have an effect."""
+
+
+def check_needed_of_chairs(draft: Draft) -> Iterator[Problem]:
+    """Refuse values that have no effect on any chair."""
+    chairs = draft.records["chair"]
+    for key, needed in NEEDED.items():
+        default = Chair.model_fields[key].default
+        given = [name for name, chair in chairs.items() if getattr(chair, key) != default]
+        used = any([getattr(c, need) is not None for c in chairs.values() for need in needed])
+        if given and not used:
+            text = f": without effect, as no chair has {' or '.join(needed)}; give chair.N."
+            yield Problem(("chair", given[0], key), f"{text}{needed[0]}, or leave it out")
 
 
 OF_SECTIONS: Mapping[str, tuple[Check, ...]] = {
