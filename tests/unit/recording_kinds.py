@@ -132,6 +132,7 @@ RATES: list[Kind] = [
         stated("Sample rate: 1 000 Hz"),
         dict.fromkeys(BOTH, (1000.0, 0.0)),
     ),
+    ("rate: below a number alone", f"1\nSample rate: 25 Hz\n{VALUES}{rows()}", BOTH),
     ("rate: words behind", stated("Sample rate: 25 Hz (all channels)"), BOTH),
     ("rate: in words", stated("Sample rate: 25 samples per second"), BOTH),
     ("rate: two numbers", stated("Sample rate: 25 of 50 Hz"), ("is not one number with its unit",)),

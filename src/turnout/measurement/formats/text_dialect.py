@@ -525,7 +525,7 @@ def _first_row(
     first = next((place for place, cell in enumerate(kinds) if value_weight(cell, decimal)), 0)
     above, *below = rows[fitting[0] : fitting[0] + 4]
     numbered = [str(int(above[0]) + n) for n in range(width)] if above[0] in ("0", "1") else []
-    if above == numbered and any(_are_words(cells, width) for cells in below):
+    if above == numbered and fitting[1:] and any(_are_words(cells, width) for cells in below):
         del fitting[0]  # the numbers of the columns
     for number in fitting:
         cells = rows[number]
