@@ -5,26 +5,25 @@ its start once. After a file on which it crashes, runs out of memory or is too s
 """
 
 import atexit
-import json
 import os
+import pickle
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from turnout.core.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
-from turnout.measurement.formats.reader_process import ARRAYS, EXHAUSTED, FAULT, RECORDINGS
-from turnout.measurement.recording import RecordedChannel, Recording
+from turnout.measurement.formats.reader_process import Request
+from turnout.measurement.recording import Recording
 
 # To load the packages of a reader: their own time, whatever the file [s].
 LOADING_SECONDS = 120.0
+SERVER = "turnout.measurement.formats.reader_process"
 
 
 class RecordingReader:
@@ -35,32 +34,26 @@ class RecordingReader:
         paths = os.pathsep.join(os.path.abspath(item) for item in sys.path if item)
         self.owner = os.getpid()
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "turnout.measurement.formats.reader_process"],
+            [sys.executable, "-P", "-c", f"from {SERVER} import serve_reader; serve_reader()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            text=True,
-            encoding="utf-8",
             env={**os.environ, "PYTHONPATH": paths},
             # Ctrl-C is answered by the program that reads, which ends this process.
             start_new_session=True,
         )
 
-    def ask(self, request: dict[str, Any]) -> tuple[dict[str, Any], bool]:
-        """Return the answer, empty if the process ended, and True if time ran out."""
+    def ask(self, request: Request) -> tuple[Any, bool]:
+        """Return the answer, None if the process ended, and True if time ran out."""
         assert self.process.stdin is not None
         with suppress(OSError):
-            self.process.stdin.write(json.dumps(request) + "\n")
+            pickle.dump(request, self.process.stdin)
             self.process.stdin.flush()
-        loaded, _ = self._line(LOADING_SECONDS)
-        if not loaded:
-            return {}, False
-        line, late = self._line(float(request["seconds"]))
-        found: dict[str, Any] = json.loads(line) if line.endswith("\n") else {}
-        return found, late
+        loaded, _ = self._answer(LOADING_SECONDS)
+        return self._answer(request.seconds) if loaded else (None, False)
 
-    def _line(self, seconds: float) -> tuple[str, bool]:
-        """Wait for a line of the process, which is killed when it takes too long."""
+    def _answer(self, seconds: float) -> tuple[Any, bool]:
+        """Wait for an answer of the process, which is killed when it takes too long."""
         assert self.process.stdout is not None
         late = threading.Event()
 
@@ -72,7 +65,9 @@ class RecordingReader:
         timer.daemon = True
         timer.start()
         try:
-            return self.process.stdout.readline(), late.is_set()
+            return pickle.load(self.process.stdout), late.is_set()
+        except (EOFError, pickle.UnpicklingError):
+            return None, late.is_set()
         finally:
             timer.cancel()
 
@@ -100,7 +95,7 @@ def read_isolated(
     *,
     reader: str,
     kind: str,
-    packages: Sequence[str] = (),
+    package: str = "",
     throws: Sequence[str] = (),
     **options: object,
 ) -> list[Recording | FileError]:
@@ -114,7 +109,7 @@ def read_isolated(
         Module and function: "turnout.measurement.formats.hdf5:read_hdf5".
     kind : str
         What files of this kind are called.
-    packages : sequence of str
+    package : str
         What the reader loads, which does not count as time of the file.
     throws : sequence of str
         Which throws of several in one table; none for the one recording of a file.
@@ -127,38 +122,39 @@ def read_isolated(
         When the reader refuses the file, crashes on it, or takes too much memory or time.
     """
     size = path.stat().st_size
-    with _lock, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        seconds = most_seconds(size)
-        request = {
-            "file": str(path.absolute()),
-            "kind": kind,
-            "reader": reader,
-            "packages": packages,
-            "throws": throws,
-            "folder": folder,
-            "memory": most_memory(size),
-            "seconds": seconds,
-            "options": options,
-        }
+    seconds = most_seconds(size)
+    with _lock:
         process = _reader()
-        reply: dict[str, Any] = {}
+        reply: Any = None
         late, code = False, 0
         try:
-            reply, late = process.ask(request)
+            reply, late = process.ask(
+                Request(
+                    folder="" if path.is_absolute() else os.getcwd(),
+                    path=path,
+                    kind=kind,
+                    reader=reader,
+                    package=package,
+                    throws=tuple(throws),
+                    memory=most_memory(size),
+                    seconds=seconds,
+                    options=options,
+                )
+            )
         finally:
-            if not reply or EXHAUSTED in reply:
+            if reply is None or reply.exhausted:
                 _kept.clear()
                 code = process.close()
-        if late:
-            message = (
-                f"{path}: takes longer than {seconds:.0f} s to read; save it in another format"
-            )
-            raise FileError(message)
-        if not reply:
-            raise FileError(_crash(path, kind, code))
-        if FAULT in reply:
-            raise _fault(path, reply)
-        return _recordings(path, reply[RECORDINGS], Path(folder))
+    if late:
+        message = f"{path}: takes longer than {seconds:.0f} s to read; save it in another format"
+        raise FileError(message)
+    if reply is None:
+        raise FileError(_crash(path, kind, code))
+    if isinstance(reply.found, FileError):
+        raise reply.found
+    found: list[Recording | FileError] = reply.found
+    # That of a sheet names it as well.
+    return [replace(r, source=str(path)) if isinstance(r, Recording) else r for r in found]
 
 
 def _reader() -> RecordingReader:
@@ -174,29 +170,6 @@ def _reader() -> RecordingReader:
 def _end() -> None:
     while _kept:
         _kept.pop().close()
-
-
-def _fault(path: Path, reply: dict[str, Any]) -> FileError:
-    return FileError(str(reply[FAULT]).replace(str(path.absolute()), str(path)))
-
-
-def _recordings(
-    path: Path, replies: list[dict[str, Any]], folder: Path
-) -> list[Recording | FileError]:
-    found: list[Recording | FileError] = []
-    with np.load(folder / ARRAYS, allow_pickle=False) as arrays:
-        for reply in replies:
-            if FAULT in reply:
-                found.append(_fault(path, reply))
-                continue
-            channels = {
-                item["name"]: RecordedChannel(**{**item, "values": arrays[item["values"]]})
-                for item in reply["channels"]
-            }
-            whole = {key: reply[key] for key in ("start_time", "labels")}
-            problems = tuple(reply["problems"])
-            found.append(Recording(channels, str(path), problems=problems, **whole))
-    return found
 
 
 def _crash(path: Path, kind: str, code: int) -> str:
