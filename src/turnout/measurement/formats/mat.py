@@ -1,6 +1,7 @@
 """MATLAB files: version 5 (and 4) read and written, version 7.3 read."""
 
 import io
+import math
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
@@ -324,11 +325,14 @@ def _from_hdf5(file: h5py.File, item: Any, content: Content) -> Any:
 
 
 HEADER, TAG = 128, 8
+ORDERS = {b"IM": "<", b"MI": ">"}
 MATRIX, COMPRESSED = 14, 15
 CELL, STRUCTURE, OBJECT, CHARACTERS, SPARSE, LARGEST_NUMERIC = 1, 2, 3, 4, 5, 15
 OPAQUE = 17
 # Bytes of a number by the type of its element.
 WIDTHS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
+Elements = list[tuple[int, memoryview]]
+"""Type and data of elements."""
 
 
 def check_mat5(path: Path) -> None:
@@ -339,63 +343,49 @@ def check_mat5(path: Path) -> None:
     ValueError
         Saying what is wrong.
     """
-    with path.open("rb") as file:
-        header = file.read(HEADER)
-        if header[126:128] not in (b"IM", b"MI"):
-            message = "its header is damaged"
-            raise ValueError(message)
-        order = "<" if header[126:128] == b"IM" else ">"
-        while tag := file.read(TAG):
-            if len(tag) < TAG:
-                message = "it is cut off within a tag"
-                raise ValueError(message)
-            kind, size = struct.unpack(f"{order}II", tag)
-            if kind not in (MATRIX, COMPRESSED):
-                message = f"an element of type {kind} stands where a variable must"
-                raise ValueError(message)
-            content = file.read(size)
-            if len(content) < size:
-                message = "it is cut off within a variable"
-                raise ValueError(message)
-            if kind == MATRIX:
-                _check_matrix(memoryview(content), order)
+    content = memoryview(path.read_bytes())
+    order = ORDERS.get(bytes(content[HEADER - 2 : HEADER]))
+    if order is None:
+        message = "its header is damaged"
+        raise ValueError(message)
+    for kind, variable in _elements(content[HEADER:], order, (MATRIX, COMPRESSED)):
+        if kind == MATRIX:
+            _check_matrix(variable, order)
 
 
 def _check_matrix(content: memoryview, order: str) -> None:
     """Check that flags, dimensions, name and values of a matrix fit each other."""
     if not content.nbytes:
         return  # an empty cell
-    parts = _elements(content, order)
-    if (
-        parts
-        and parts[0][0] == 6
-        and parts[0][1].nbytes == 8
-        and parts[0][1][0 if order == "<" else 3] == OPAQUE
-    ):
-        return  # an object, whose values stand elsewhere
+    parts = _elements(content, order, (MATRIX, *WIDTHS))
     kinds = [kind for kind, _ in parts[:3]]
+    flagged = kinds[:1] == [6] and parts[0][1].nbytes == TAG
+    word = struct.unpack(f"{order}I", parts[0][1][:4])[0] if flagged else 0
+    if word & 0xFF == OPAQUE:
+        return  # an object, whose values stand elsewhere
     # Some programs write unsigned dimensions, and names in UTF-8.
-    if len(parts) < 3 or kinds[0] != 6 or kinds[1] not in (5, 6) or kinds[2] not in (1, 2, 16):
+    if not flagged or len(parts) < 3 or kinds[1] not in (5, 6) or kinds[2] not in (1, 2, 16):
         message = "a variable lacks its flags, dimensions or name"
         raise ValueError(message)
-    flags, dimensions = parts[0][1], parts[1][1]
-    if flags.nbytes != 8 or dimensions.nbytes < 8 or dimensions.nbytes % 4:
-        message = "the flags or dimensions of a variable are damaged"
+    held = parts[1][1]
+    sizes = struct.unpack(f"{order}{held.nbytes // 4}i", held) if held.nbytes % 4 == 0 else ()
+    if len(sizes) < 2 or min(sizes) < 0:
+        message = "the dimensions of a variable are damaged"
         raise ValueError(message)
-    word = struct.unpack(f"{order}I", flags[:4])[0]
-    _check_values(parts[3:], word, _count(dimensions, order), order)
+    _check_values(parts[3:], word, math.prod(sizes), order)
 
 
-def _check_values(parts: list[tuple[int, memoryview]], word: int, count: int, order: str) -> None:
+def _check_values(parts: Elements, word: int, count: int, order: str) -> None:
     """Check the values after the name of a matrix, by its class."""
     kind = word & 0xFF
+    inner = [values for part, values in parts if part == MATRIX]
     if kind in (CELL, STRUCTURE, OBJECT):
-        inner = [values for part, values in parts if part == MATRIX]
-        if kind == CELL and (len(inner) != count or len(inner) != len(parts)):
-            message = "a cell array does not hold as many values as it says"
+        fields = _fields_of(parts, order) if kind == STRUCTURE else 1
+        whole = kind != CELL or len(inner) == len(parts)
+        if kind != OBJECT and (len(inner) != count * fields or fields < 0 or not whole):
+            what = "cell array" if kind == CELL else "structure"
+            message = f"a {what} does not hold as many values as it says"
             raise ValueError(message)
-        if kind == STRUCTURE:
-            _check_fields(parts, count, len(inner), order)
         for values in inner:
             _check_matrix(values, order)
         return
@@ -404,42 +394,27 @@ def _check_values(parts: list[tuple[int, memoryview]], word: int, count: int, or
         return
     # Real values, and imaginary ones where a flag says so.
     wanted = 2 if word & 0x0800 else 1
-    if len(parts) != wanted or any(
-        WIDTHS.get(part, 0) == 0 or values.nbytes != count * WIDTHS[part] for part, values in parts
-    ):
+    if len(parts) != wanted or any(v.nbytes != count * WIDTHS.get(part, -1) for part, v in parts):
         message = "a variable does not hold as many numbers as it says"
         raise ValueError(message)
 
 
-def _check_fields(parts: list[tuple[int, memoryview]], count: int, inner: int, order: str) -> None:
-    """Check that a structure has a value for each of its fields."""
-    if len(parts) < 2 or parts[0][0] != 5 or parts[0][1].nbytes != 4 or parts[1][0] != 1:
-        message = "a structure lacks the names of its fields"
-        raise ValueError(message)
-    length = struct.unpack(f"{order}i", parts[0][1])[0]
-    names = parts[1][1].nbytes
-    if length <= 0 or names % length or inner != count * (names // length):
-        message = "a structure does not hold as many values as it says"
-        raise ValueError(message)
+def _fields_of(parts: Elements, order: str) -> int:
+    """Return the number of fields of a structure; -1 if their names are not as long as it says."""
+    kinds = [part for part, _ in parts[:2]]
+    if kinds != [5, 1] or parts[0][1].nbytes != 4:
+        return -1
+    length, names = struct.unpack(f"{order}i", parts[0][1])[0], parts[1][1].nbytes
+    return names // length if length > 0 and names % length == 0 else -1
 
 
-def _count(dimensions: memoryview, order: str) -> int:
-    """Return the number of values for these dimensions."""
-    count = 1
-    for size in struct.unpack(f"{order}{dimensions.nbytes // 4}i", dimensions):
-        if size < 0:
-            message = "a variable has a negative dimension"
-            raise ValueError(message)
-        count *= size
-    return count
-
-
-def _elements(content: memoryview, order: str) -> list[tuple[int, memoryview]]:
-    """Return type and data of each element within a matrix."""
-    found, at = [], 0
+def _elements(content: memoryview, order: str, kinds: Sequence[int]) -> Elements:
+    """Return the elements within a file or a matrix, all of some types."""
+    found: Elements = []
+    at = 0
     while at < content.nbytes:
         if content.nbytes - at < TAG:
-            message = "a variable ends within a tag"
+            message = "it is cut off within a tag"
             raise ValueError(message)
         kind, size = struct.unpack(f"{order}II", content[at : at + TAG])
         start = at + TAG
@@ -447,9 +422,9 @@ def _elements(content: memoryview, order: str) -> list[tuple[int, memoryview]]:
             size, kind, start = kind >> 16, kind & 0xFFFF, at + 4
             at += TAG
         else:
-            at = start + size + (-size % 8 if kind != MATRIX else 0)
-        if start + size > content.nbytes or (kind != MATRIX and kind not in WIDTHS):
-            message = "an element is longer than its variable, or of no known type"
+            at = start + size + (-size % 8 if kind in WIDTHS else 0)
+        if start + size > content.nbytes or kind not in kinds:
+            message = "it is cut off within a variable, or holds an element of another type"
             raise ValueError(message)
         found.append((kind, content[start : start + size]))
     return found
