@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from turnout.core.moving_average import moving_average
 from turnout.core.running_current import running_time
 from turnout.measurement.campaign.motion_signals import (
     Flags,
@@ -17,13 +18,14 @@ from turnout.measurement.campaign.motion_signals import (
     bridge_gaps,
     drift,
     found_direction,
-    mean_over,
     true_runs,
     without_spikes,
 )
 
 # Time within which an inrush shows its peak [s], and how far that is above the run behind it.
 INRUSH, INRUSH_SHARE = 0.1, 1.5
+# Over which channels are averaged before they show motion [s].
+SMOOTHED = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +147,8 @@ def find_throws(
     if not currents.size and "drive_power" in dataset:
         currents = _rows(dataset, "drive_power", rate=rate, spike=np.inf)
         source, level = "power", chosen.running_power
-    running = np.array([is_running(row, rate=rate, level=level) for row in currents])
+    smooth = moving_average(bridge_gaps(currents), rate=rate, window=SMOOTHED)
+    running: Flags = np.abs(smooth) > level  # whichever way round its clamp is
     # A channel that never rests is no motor current: dead wires and swapped channels look so.
     switched = [
         bool(on.any() and (not on.all() or _begins_with_inrush(row, time.size, rate=rate)))
@@ -192,26 +195,6 @@ def find_throws(
     return tuple(throws)
 
 
-def is_running(values: Floats, *, rate: float, level: float) -> Flags:
-    """Flag the samples at which a motor runs, whichever way round its clamp is.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Current or power of the motor, unfiltered [A, W].
-    rate : float
-        Samples a second [1/s].
-    level : float
-        Value above which a motor runs [A, W].
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-    """
-    smooth = mean_over(values, width=round(0.02 * rate))
-    return np.asarray(np.abs(smooth) > level)
-
-
 def _begins_with_inrush(row: Floats, stop: int, *, rate: float) -> bool:
     """Return True if the first samples are far above the run behind them."""
     size = np.abs(bridge_gaps(row[:stop]))
@@ -231,17 +214,15 @@ def _rows(dataset: xr.Dataset, name: str, *, rate: float, spike: float) -> Float
 
 def _is_moving(forces: Floats, *, rate: float, detection: Detection) -> Flags:
     """Flag the samples at which rod forces change by more than noise."""
-    size = forces.shape[1]
-    moving = np.zeros(size, dtype=bool)
+    filled = bridge_gaps(forces)
+    smooth = moving_average(filled, rate=rate, window=SMOOTHED)
     half = max(1, round(0.5 * detection.force_span * rate))
-    for row in forces:
-        smooth = mean_over(row, width=round(0.02 * rate))
-        index = np.arange(size)
-        change = smooth[np.minimum(index + half, size - 1)] - smooth[np.maximum(index - half, 0)]
-        steps = np.abs(np.diff(bridge_gaps(row)))
-        noise = float(np.median(steps)) / 0.95 / np.sqrt(max(1.0, 0.02 * rate))
-        moving |= np.abs(change) > max(detection.moving_force, 8.0 * noise)
-    return moving
+    index, last = np.arange(forces.shape[1]), forces.shape[1] - 1
+    change = smooth[:, np.minimum(index + half, last)] - smooth[:, np.maximum(index - half, 0)]
+    steps = np.median(np.abs(np.diff(filled)), axis=1)
+    noise = steps / 0.95 / np.sqrt(max(1.0, SMOOTHED * rate))
+    least = np.maximum(detection.moving_force, 8.0 * noise)
+    return np.asarray(np.any(np.abs(change) > least[:, np.newaxis], axis=0))
 
 
 def _spans(active: Flags, *, rate: float, detection: Detection) -> list[tuple[int, int]]:
@@ -299,7 +280,7 @@ def _first_pull(row: Floats, span: tuple[int, int], *, rate: float) -> tuple[flo
     roots of the force, from where it leaves the noise, is followed back to zero.
     """
     count = max(3, round(0.3 * rate))
-    smooth = mean_over(row, width=round(0.02 * rate))
+    smooth = moving_average(bridge_gaps(row), rate=rate, window=SMOOTHED)
     start = max(0, span[0] - round(0.2 * rate))
     rest = smooth[max(0, start - count) : start + 1]
     away = smooth[start : span[1]] - np.median(rest)

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -64,26 +65,24 @@ def force_changes(forces: Floats, *, rate: float) -> Floats:
     array([2.])
     """
     count = max(1, min(round(0.3 * rate), forces.shape[1] // 3))
-    filled = np.array([bridge_gaps(row) for row in forces]).reshape(forces.shape)
+    filled = bridge_gaps(forces)
     change = np.median(filled[:, -count:], axis=1) - np.median(filled[:, :count], axis=1)
     return np.asarray(change, dtype=np.float64)
 
 
-def mean_over(values: Floats, *, width: int) -> Floats:
-    """Return the centred mean over `width` samples, holes filled; fewer samples at the ends."""
-    filled = bridge_gaps(values)
-    half = max(0, width // 2)
-    total = np.concatenate(([0.0], np.cumsum(filled)))
-    index = np.arange(filled.size)
-    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, filled.size)
-    return np.asarray((total[last] - total[first]) / (last - first))
-
-
 def bridge_gaps(values: Floats) -> Floats:
-    """Return samples with a straight line across values that are not finite; zeros if none is."""
+    """Return samples with a straight line across values that are not finite; zeros if none is.
+
+    Parameters
+    ----------
+    values : ndarray, shape (..., n)
+        Rows of samples.
+    """
     known = np.isfinite(values)
     if known.all():
         return values
+    if values.ndim > 1:
+        return np.array([bridge_gaps(row) for row in values])
     if not known.any():
         return np.zeros_like(values)
     index = np.arange(values.size)
@@ -207,5 +206,4 @@ def drift(values: Floats, *, rate: float) -> float:
 
 
 def _median_of_five(values: Floats) -> Floats:
-    padded = np.pad(values, 2, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
+    return np.asarray(median_filter(values, 5, mode="nearest"))

@@ -82,7 +82,7 @@ def lowpass(values: Values, *, rate: float, cutoff: float, order: int = ORDER) -
     if values.shape[-1] < least:
         message = f"{values.shape[-1]} samples are too few for this filter; it needs {least}"
         raise ValueError(message)
-    bridged = np.apply_along_axis(bridge_gaps, -1, values)
+    bridged = bridge_gaps(values)
     smooth = np.asarray(sosfiltfilt(sections, bridged, axis=-1), dtype=np.float64)
     smooth[~np.isfinite(values)] = np.nan
     return smooth

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
+from turnout.core.moving_average import moving_average
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     Floats,
     bridge_gaps,
     longest_true_run,
-    mean_over,
     spikes,
     without_spikes,
 )
@@ -356,7 +356,7 @@ def dead_fault(channel: RawChannel, limits: Limits) -> Iterator[Fault]:
     A load cell is only remarked upon: an object that the rail does not reach is not squeezed.
     """
     around = round(0.2 * channel.rate)
-    smooth = mean_over(channel.values, width=round(0.1 * channel.rate))
+    smooth = moving_average(channel.values, rate=channel.rate)
     smooth = smooth[max(0, channel.begin - around) : channel.finish + around]
     least = limits.channels[channel.key].response
     response = float(np.ptp(smooth)) if smooth.size else 0.0

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
+from turnout.core.moving_average import moving_average
 from turnout.measurement.campaign.find_throws import FoundThrow
 from turnout.measurement.campaign.motion_signals import (
     CLOSING,
@@ -18,7 +19,6 @@ from turnout.measurement.campaign.motion_signals import (
     drift,
     exchanged_pairs,
     force_changes,
-    mean_over,
 )
 from turnout.measurement.quality.channel_faults import (
     Fault,
@@ -142,7 +142,7 @@ def _at_paces(
     smooth: dict[str, list[Floats]] = {"drive_force": [], "drive_current": []}
     for name in (name for name in smooth if name in dataset):
         rows = dataset[name].transpose("drive", "time").values
-        means = [mean_over(row, width=round(0.04 * rate)) for row in rows]
+        means = moving_average(bridge_gaps(rows), rate=rate, window=0.04)
         smooth[name] = [row - np.median(row[rest]) for row in means]
     found: list[ForceProfile | None] = []
     for pace in paces:
@@ -298,7 +298,7 @@ def direction_faults(seen: SeenThrow) -> Iterator[Fault]:
             text = f"{level:.2g} A while the motor runs"
             yield Fault("reversed polarity", f"drive_current {name}", text)
     if "object_force" in dataset:
-        smooth = mean_over(dataset["object_force"].values, width=round(0.1 * seen.rate))
+        smooth = moving_average(bridge_gaps(dataset["object_force"].values), rate=seen.rate)
         before = smooth[time < seen.throw.onset]
         rest = float(np.median(before)) if before.size else 0.0
         if rest - smooth.min() > max(least, smooth.max() - rest):
