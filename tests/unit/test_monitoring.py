@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from turnout.core.errors import MeasurementError
-from turnout.measurement.chain.monitoring import Monitoring, monitored
+from turnout.measurement.chain.monitoring import Monitoring, monitored, monitoring_of
 
 
 def run_of(**rows: list[float]) -> xr.Dataset:
@@ -32,6 +32,17 @@ def test_windows_are_rms_and_end_where_they_are_stored(rate: float) -> None:
     assert found["drive_current"].values == pytest.approx(np.sqrt(0.5), rel=1e-6)
     assert float(found["time"][0]) == pytest.approx(1.0 / rate - 1e-3)
     assert found.sizes["time"] == round(0.2 * rate)
+
+
+def test_values_end_at_the_range_of_the_system() -> None:
+    """A start of 12 A and 6 kW is 10 A and 5 kW in 8 bits; a voltage is that of its supply."""
+    run = run_of(current=[-12.0, 1.0], power=[6e3, 220.0], voltage=[-391.04, 220.0])
+    found = monitored(run, monitoring_of(rate="zyj7", together=["both=1,2"]))
+    alone = monitored(run, monitoring_of(rate="zyj7"))
+    assert alone["drive_current"].values[:, 0] == pytest.approx([10.0, 1.02], abs=1e-3)
+    assert alone["drive_power"].values[:, 0] == pytest.approx([5e3, 215.7], abs=0.1)
+    assert alone["drive_voltage"].values[:, 0] == pytest.approx([391.0, 220.0])
+    assert found["drive_voltage"].values[:, 0] == pytest.approx([391.0])
 
 
 S_380, S_110 = np.sqrt(3.0) * 380.0 * 1.0, np.sqrt(3.0) * 110.0 * 2.0

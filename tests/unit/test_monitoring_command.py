@@ -8,10 +8,14 @@ import pytest
 import xarray as xr
 from typer.testing import CliRunner
 
+from turnout.api.campaign import load_campaign
+from turnout.api.machine import fit_three_phase
+from turnout.calibration.machine_estimates.current_fit import Estimate, NotIdentified
 from turnout.cli.main import app
 from turnout.core.errors import MeasurementError, TurnoutError
 from turnout.core.scheme import Scheme
 from turnout.core.toml import parse_toml
+from turnout.machine.steady import steady_point
 from turnout.measurement.chain.apply import apply_chain, parse_channel_map
 from turnout.measurement.chain.monitoring import monitoring_of
 from turnout.measurement.chain.skeleton import skeleton
@@ -61,7 +65,7 @@ def test_a_throw_on_the_command_line(machine_file: Path, tmp_path: Path) -> None
     assert found["rate"] == 25.0
     recording = read_recording(out)
     assert list(recording.channels) == [
-        *("Current switch", "Active power switch", "Apparent power switch")
+        *("Current switch", "Active power switch", "Apparent power switch", "Voltage switch")
     ]
     current = recording.channel("Current switch")
     assert (current.unit, current.rate) == ("A", pytest.approx(25.0))
@@ -98,7 +102,7 @@ def test_a_coarse_power_comes_back_as_that_of_a_drive(tmp_path: Path, suffix: st
 
 
 def test_the_throw_of_one_machine(tmp_path: Path) -> None:
-    for machine, count in (("s700k", 3), ("sb3", 2)):
+    for machine, count in (("s700k", 4), ("sb3", 3)):
         throw = throw_one_mass(machine, overrides={"throw.duration": 0.5})
         file, out = tmp_path / f"{machine}.nc", tmp_path / f"{machine}.csv"
         save_response(machine_dataset(throw), file)
@@ -150,11 +154,44 @@ def test_a_virtual_campaign(tmp_path: Path) -> None:
     made = make_virtual_campaign(panel, tmp_path / "made", plan=plan)
     for item in made.thrown:
         stored = read_recording(tmp_path / "made" / "monitoring" / f"{item.case.name}.csv")
-        assert set(stored.channels) == {"Current 1", "Current 2", "Active power 1"}
+        assert set(stored.channels) == {"Current 1", "Current 2", "Active power 1", "Voltage 1"}
         current, power = stored.channel("Current 1").values, stored.channel("Active power 1").values
         running = (power > 0.0) & (current < 1.4)  # without inrush and braking
         assert running.sum() > 50
         assert power[running] == pytest.approx(220.0 * current[running], abs=2.5)
+
+
+def test_a_virtual_campaign_tells_resistance_and_slopes(tmp_path: Path) -> None:
+    """12 ohm of line and stator; the steady circuit's slopes, of supplies that differ by 1 %."""
+    panel = load_panel("uic60-760-1-15").with_overrides({"drive.1.machine": "three-phase"})
+    system = monitoring_of(rate="switchmonitor")
+    plan = CampaignPlan(places=(), object_free=15, monitoring=system, scheme=Scheme.of("quick"))
+    make_virtual_campaign(panel, tmp_path / "made", plan=plan)
+    alone = load_campaign(tmp_path / "made" / "monitoring").dataset.sel(drive=["1"])
+    assert np.ptp(alone["drive_voltage"].max("time").values) > 8.0
+    (fit,) = fit_three_phase(alone, rated_voltage=380.0)
+    machine = panel.machine["three-phase"]
+
+    def current(voltage: float, power: float) -> float:
+        supply = machine.supply.model_copy(update={"voltage": voltage})
+        own = machine.model_copy(update={"supply": supply})
+        points = [steady_point(own, torque=torque) for torque in np.linspace(0.0, 1.5, 9)]
+        return float(np.interp(power, [p.power for p in points], [p.current for p in points]))
+
+    u, p = fit.voltage, fit.power
+    truths = {
+        "resistance": 12.0,
+        "per_volt": (current(u + 2.0, p) - current(u - 2.0, p)) / 4.0,
+        "per_watt": (current(u, p + 20.0) - current(u, p - 20.0)) / 40.0,
+        "current": current(380.0, p),
+    }
+    for name, truth in truths.items():
+        value = getattr(fit, name)
+        assert isinstance(value, Estimate), name
+        assert value.low < truth < value.high, (name, truth, value)
+        assert value.value == pytest.approx(truth, rel=0.05)
+    assert isinstance(fit.loss, NotIdentified)
+    assert isinstance(fit.rotor, NotIdentified)
 
 
 @pytest.mark.parametrize(

@@ -305,8 +305,8 @@ def virtual_command(
     ),
     monitoring: str | None = option(
         "--monitoring RATE",
-        "Write currents and powers as a monitoring system stores them too, such as '25 Hz' or "
-        "'zyj7': folder monitoring, a CSV file for each throw.",
+        "Write currents, voltages and powers as a monitoring system stores them too, such as "
+        "'25 Hz' or 'zyj7': folder monitoring, a campaign of CSV files.",
     ),
     together: TogetherOption = [],  # noqa: B006 - typer copies it
     recorded_filter: str | None = option(

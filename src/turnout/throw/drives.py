@@ -140,20 +140,22 @@ def machine_supplies(panel: Panel) -> dict[str, dict[str, float | None]]:
     Returns
     -------
     dict
-        By drive `frequency`, 0 of direct current [Hz], and `phase_lost_at` [s] or None.
+        By drive `frequency`, 0 of direct current [Hz], `voltage` [V], and `phase_lost_at` [s] or
+        None.
 
     Examples
     --------
     >>> from turnout.panel.load import load_panel
     >>> panel = load_panel("sb1", overrides={"drive.1.machine": "s700k"})
     >>> machine_supplies(panel)
-    {'1': {'frequency': 50.0, 'phase_lost_at': None}}
+    {'1': {'frequency': 50.0, 'voltage': 380.0, 'phase_lost_at': None}}
     """
     named = {name: drive.machine for name, drive in panel.drive.items() if drive.machine}
     records = {name: panel.machine[machine] for name, machine in named.items()}
     return {
         name: {
             "frequency": machine.motor.frequency or 0.0,
+            "voltage": nominal_voltage(machine.motor, machine.supply),
             "phase_lost_at": machine.supply.phase_lost_at,
         }
         for name, machine in records.items()

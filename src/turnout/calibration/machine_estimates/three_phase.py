@@ -19,7 +19,7 @@ slopes.
 Currents within throws are known far better than those over throws, so that they choose the circuit,
 and what a motor has otherwise goes into its slope with the voltage. That slope and the current at
 the rated voltage are therefore those over throws: what the circuit leaves there is regressed on the
-voltage and added, so that the circuit gives them their bend alone.
+voltage and added, so that the circuit gives them their bend alone, and that within a range.
 """
 
 import math
@@ -59,6 +59,8 @@ STARTS = tuple((r, n) for r in (0.15, 0.45, 0.75) for n in (1.5, 4.0, 8.0))
 MOST_SATURATION = 20.0
 MOST_COPPER = 0.8
 """Share of the power that line and stator take at most; 0.5 to 0.7 are measured [-]."""
+STEEPEST = 9.0
+"""Highest power of the flux in the current of a main branch, beside a straight term [-]."""
 DEPARTS = 3.0
 """Standard deviations from which a bend that the circuit leaves is stated."""
 WORSE = 1.15
@@ -593,8 +595,9 @@ def _over_throws(
 ) -> tuple[Estimate | NotIdentified, Estimate | NotIdentified]:
     """Return the current at the rated voltage, and the slope with the voltage.
 
-    Half of what the bend of the circuit adds on the way to the rated voltage is not known: either
-    end of that range is as likely as any place between.
+    A straight term beside a power m of the flux bends the main branch by m/n times as much as the
+    power n of the circuit, for the same slope: what it adds on the way to the rated voltage is from
+    once to `STEEPEST`/n times that of the circuit, any place between as likely.
     """
     across = blocks.mean(blocks.voltage)
     across, way, count = across - across.mean(), rated_voltage - point[0], blocks.count
@@ -615,11 +618,12 @@ def _over_throws(
     of_level = _rms(rest) * math.sqrt(freedom / count)
     slope = 0.5 * float(high - low)
     bend = float(there - middle) - slope * way
+    wider = max(STEEPEST / float(fitted.values[2]) - 1.0, 0.0) * bend
     current = Estimate.of(
-        float(there) + more * way + float(fitted.left.mean()),
+        float(there) + 0.5 * wider + more * way + float(fitted.left.mean()),
         math.hypot(of_slope * way, of_level),
         count,
-        common=abs(bend) / math.sqrt(12.0),
+        common=abs(wider) / math.sqrt(12.0),
     )
     known = ONE_VOLTAGE if alike else _or_not(Estimate.of(slope + more, of_slope, count))
     return _or_not(current), known

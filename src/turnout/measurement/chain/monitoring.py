@@ -1,8 +1,8 @@
-"""Currents and powers as a monitoring system in service stores them: RMS windows, coarse steps.
+"""Currents, voltages and powers as a monitoring system in service stores them.
 
-Such systems sample 25 to 100 times a second, each value the root mean square of a current (the mean
-of a power) over the window since the last, in steps of 0.01 A, and often with one transformer
-around the leads of two motors.
+Such systems sample 25 to 100 times a second, each value the root mean square of a current or
+voltage (the mean of a power) over the window since the last, in steps of 0.01 A within a range, and
+often with one transformer around the leads of two motors.
 """
 
 import json
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import MeasurementError
 from turnout.core.problems import choices
-from turnout.core.units import CURRENT, FREQUENCY, POWER, parse_quantity
-from turnout.measurement.chain.recorder import in_steps
+from turnout.core.units import CURRENT, FREQUENCY, POWER, VOLTAGE, parse_quantity
+from turnout.measurement.chain.recorder import Recorder
 from turnout.measurement.recording import RecordedChannel, Recording
 
 Floats = NDArray[np.float64]
@@ -28,6 +28,9 @@ LIMITS = {
     "rate": (FREQUENCY, 1.0, 1000.0),
     "current_step": (CURRENT, 0.0, 100.0),
     "power_step": (POWER, 0.0, 100e3),
+    "voltage_step": (VOLTAGE, 0.0, 100.0),
+    "current_range": (CURRENT, 0.0, 1e3),
+    "power_range": (POWER, 0.0, 1e6),
 }
 """Dimension of each setting, and the range that is accepted; rates of 25 to 100 are usual [SI]."""
 ROUNDING = 1e-6
@@ -36,8 +39,11 @@ COLUMNS = {
     "drive_current": ("Current", "A"),
     "drive_power": ("Active power", "W"),
     "drive_apparent_power": ("Apparent power", "VA"),
+    "drive_voltage": ("Voltage", "V"),
 }
 """Names of the channels in a file of such a system, and their units, in its order."""
+ROOT_MEAN_SQUARES = ("drive_current", "drive_voltage")
+"""Channels of which a value is the root mean square of its window; the others have means."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +54,10 @@ class Monitoring:
     ----------
     rate : float
         Values a second, each of the window before it [1/s].
-    current_step, power_step : float
-        Resolution [A], [W]; 0 for none.
+    current_step, power_step, voltage_step : float
+        Resolution [A], [W], [V]; 0 for none.
+    current_range, power_range : float
+        Largest value [A], [W]; 0 for none.
     together : mapping of str to sequence of str
         Transformers around the leads of several drives: name and drives. Drives that are not named
         have one each.
@@ -58,14 +66,31 @@ class Monitoring:
     rate: float = 50.0
     current_step: float = 0.01
     power_step: float = 1.0
+    voltage_step: float = 0.1
+    current_range: float = 0.0
+    power_range: float = 0.0
     together: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def recorder(self, channel: str) -> Recorder:
+        """Return the converter of a channel of `COLUMNS`."""
+        if channel == "drive_voltage":
+            return Recorder(resolution=self.voltage_step)
+        if channel == "drive_current":
+            return Recorder(resolution=self.current_step, saturation=self.current_range)
+        return Recorder(resolution=self.power_step, saturation=self.power_range)
 
 
 SYSTEMS: Mapping[str, Monitoring] = MappingProxyType(
     {
         # 23,806 throws of eight hydraulic machines: 10 A and 5 kW over 255 steps.
-        "zyj7": Monitoring(rate=25.0, current_step=10.0 / 255, power_step=5e3 / 255),
-        # 1,010 throws of six machines with three phases, one with a wattmeter: 1 mA, 0.1 W.
+        "zyj7": Monitoring(
+            rate=25.0,
+            current_step=10.0 / 255,
+            power_step=5e3 / 255,
+            current_range=10.0,
+            power_range=5e3,
+        ),
+        # 1,010 throws of six machines with three phases, one with a wattmeter: 1 mA, 0.1 W, 0.1 V.
         "switchmonitor": Monitoring(rate=25.0, current_step=1e-3, power_step=0.1),
     }
 )
@@ -73,14 +98,14 @@ SYSTEMS: Mapping[str, Monitoring] = MappingProxyType(
 
 
 def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Dataset:
-    r"""Return currents and powers as a monitoring system stores them.
+    r"""Return currents, voltages and powers as a monitoring system stores them.
 
     Parameters
     ----------
     run : xarray.Dataset
-        `drive_current` and, where known, `drive_power` and `drive_apparent_power` (drive, time);
-        or the throw of one machine on a one-mass rail. Currents of induction motors are rms values
-        of the line already.
+        `drive_current` and, where known, `drive_power`, `drive_apparent_power` and `drive_voltage`
+        (drive, time); or the throw of one machine on a one-mass rail. Currents of induction motors
+        are rms values of the line already.
     monitoring : Monitoring, optional
 
     Returns
@@ -105,8 +130,8 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
 
     Direct currents add up with their signs, and to an alternating current in the squares,
     sqrt(I_dc^2 + I_ac^2), as a clamp that passes both shows it. The voltages of all motors are
-    taken to be in phase. A sample stands for the time since the last; a window may begin within
-    one.
+    taken to be in phase; their recorded voltage is the largest of theirs. A sample stands for the
+    time since the last; a window may begin within one.
 
     Examples
     --------
@@ -129,7 +154,7 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
         problems += _group_problems(drives, chosen, supplies, until)
     if problems:
         raise MeasurementError(problems, source="monitoring")
-    groups = _groups(drives, chosen)
+    groups = transformers(drives, chosen)
     time, edges = _edges(run["time"].values, chosen.rate)
     channels = {
         name: run[name].transpose("drive", "time").values for name in COLUMNS if name in run
@@ -140,11 +165,11 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
         rows = [drives.index(name) for name in names]
         seen = _together({k: v[rows] for k, v in channels.items()}, direct[rows])
         for name, values in seen.items():
-            current = name == "drive_current"
-            mean = _means(values**2 if current else values, time, edges)
-            mean = np.sqrt(np.maximum(mean, 0.0)) if current else mean
-            step = chosen.current_step if current else chosen.power_step
-            found[name].append(np.round(in_steps(mean, step), 9) if step else mean)
+            squared = name in ROOT_MEAN_SQUARES
+            mean = _means(values**2 if squared else values, time, edges)
+            mean = np.sqrt(np.maximum(mean, 0.0)) if squared else mean
+            stored = chosen.recorder(name).recorded(edges[1:], mean)
+            found[name].append(np.round(stored, 9) if chosen.recorder(name).resolution else stored)
     return xr.Dataset(
         {
             name: (("drive", "time"), np.array(rows), run[name].attrs)
@@ -257,9 +282,9 @@ def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
     Returns
     -------
     Recording
-        Channels "Current 1" [A], "Active power 1" [W] and "Apparent power 1" [VA], the last two of
-        machines only; the number is the drive, or the name of the transformer. A value stands at
-        the end of its window.
+        Channels "Current 1" [A], "Active power 1" [W], "Apparent power 1" [VA] and "Voltage 1" [V],
+        all but the first of machines only; the number is the drive, or the name of the transformer.
+        A value stands at the end of its window.
     """
     time, rate = stored["time"].values, float(stored.attrs["monitoring_rate"])
     channels = {}
@@ -278,7 +303,7 @@ def monitoring_recording(stored: xr.Dataset, *, source: str) -> Recording:
 
 def _as_drive(run: xr.Dataset) -> xr.Dataset:
     """Return the throw of one machine as that of a drive of its name."""
-    own = {"drive_current": "current", "drive_power": "power"}
+    own = {"drive_current": "current", "drive_power": "power", "drive_voltage": "voltage"}
     if (run["apparent_power"] > np.abs(run["power"]) * (1.0 + ROUNDING)).any():
         own["drive_apparent_power"] = "apparent_power"  # of three phases only
     rows = {name: (("drive", "time"), run[of].values[None]) for name, of in own.items()}
@@ -360,7 +385,8 @@ def _unlike_problems(
             )
 
 
-def _groups(drives: Sequence[str], chosen: Monitoring) -> dict[str, list[str]]:
+def transformers(drives: Sequence[str], chosen: Monitoring) -> dict[str, list[str]]:
+    """Return the transformers of a monitoring system by name, and the drives of each."""
     groups = {name: list(map(str, names)) for name, names in chosen.together.items()}
     taken = [name for names in groups.values() for name in names]
     return groups | {name: [name] for name in drives if name not in taken}
@@ -407,7 +433,10 @@ def _together(rows: Mapping[str, Floats], direct: NDArray[np.bool_]) -> dict[str
     found = {
         name: np.where(np.isnan(values).all(axis=0), np.nan, np.nansum(values, axis=0))
         for name, values in rows.items()
+        if name != "drive_voltage"
     }
+    if "drive_voltage" in rows:
+        found["drive_voltage"] = np.fmax.reduce(np.abs(rows["drive_voltage"]), axis=0)
     if direct.size == 1 or direct.all() or not {"drive_power", "drive_apparent_power"} <= set(rows):
         if "drive_apparent_power" in found and direct.size > 1:
             found["drive_apparent_power"] = np.abs(found["drive_power"])

@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Sequence
+import json
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -14,7 +15,8 @@ from turnout.core.files import write_atomic
 from turnout.core.provenance import version
 from turnout.measurement.campaign.run_sheet import SheetRow
 from turnout.measurement.chain.apply import raw_from_physical
-from turnout.measurement.chain.channel_map import ChannelMap
+from turnout.measurement.chain.channel_map import OF_DRIVES, ChannelMap
+from turnout.measurement.chain.monitoring import COLUMNS
 from turnout.measurement.chain.recorder import PERFECT, Recorder
 from turnout.measurement.formats.file_format import WRITERS
 from turnout.study.virtual.campaign_plan import Case
@@ -89,6 +91,41 @@ def channel_map_text(drives: Sequence[str], *, note: str, recorder: Recorder = P
         "optional = true",
     ]
     return "\n".join(lines) + "\n"
+
+
+def monitoring_map_text(
+    transformers: Mapping[str, Sequence[str]], machines: Collection[str], *, note: str
+) -> str:
+    """Return a channel map for the files of a monitoring system.
+
+    Parameters
+    ----------
+    transformers : mapping of str to sequence of str
+        Names in the files, and the drives of each.
+    machines : collection of str
+        Drives that are machines, whose voltages and powers are stored too.
+    note : str
+        Origin, as stated in the file.
+
+    Examples
+    --------
+    >>> print(monitoring_map_text({"switch": ["1", "2"]}, (), note="simulated"))
+    # simulated
+    title = "monitoring system"
+    <BLANKLINE>
+    [drive_current."1+2"]
+    column = "Current switch"
+    kind = "scaled"
+    <BLANKLINE>
+    """
+    lines = [f"# {note}", 'title = "monitoring system"', ""]
+    for name, drives in transformers.items():
+        known = OF_DRIVES if not set(drives).isdisjoint(machines) else ("drive_current",)
+        for channel in filter(known.__contains__, COLUMNS):
+            title = f"{COLUMNS[channel][0]} {name}"
+            lines += [f"[{channel}.{json.dumps('+'.join(drives))}]"]
+            lines += [f"column = {json.dumps(title)}", 'kind = "scaled"', ""]
+    return "\n".join(lines)
 
 
 def write_throw(

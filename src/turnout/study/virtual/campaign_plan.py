@@ -66,6 +66,9 @@ class CampaignPlan:
         Repeats without an object, in each direction of the schedule.
     friction_scatter : float
         Standard deviation of the friction of all chairs from throw to throw, as a share.
+    supply_scatter : float
+        Standard deviation of the voltage of three-phase supplies from throw to throw, as a share:
+        4 V of 391 V, an assumption.
     formats : tuple of str
         Suffixes of the recordings, in turn from place to place.
     mistyped : int
@@ -87,6 +90,7 @@ class CampaignPlan:
     at_least: float = LOAD_CELL_FROM
     object_free: int = 5
     friction_scatter: float = 0.02
+    supply_scatter: float = 0.01
     formats: tuple[str, ...] = (".csv", ".mat")
     mistyped: int = 0
     seed: int = 0
@@ -104,7 +108,7 @@ class CampaignPlan:
         problems = []
         if not all(0 < size < 1 for size in self.sizes) or not self.sizes:
             problems.append("sizes: need at least one, each more than 0 and less than 1 m")
-        for name in ("object_free", "mistyped", "friction_scatter", "seed"):
+        for name in ("object_free", "mistyped", "friction_scatter", "supply_scatter", "seed"):
             if getattr(self, name) < 0:
                 problems.append(f"{name} = {getattr(self, name)}: must be at least 0")
         for suffix in self.formats:
@@ -337,7 +341,7 @@ def throw_generator(plan: CampaignPlan, case: Case) -> np.random.Generator:
 def overrides_for(
     plan: CampaignPlan, panel: LoadedPanel, rng: np.random.Generator
 ) -> Mapping[str, float]:
-    """Draw the values of one throw: friction of all chairs, slip level of a worn clutch.
+    """Draw the values of one throw: friction of chairs, slip of a worn clutch, supply voltage.
 
     Parameters
     ----------
@@ -368,4 +372,12 @@ def overrides_for(
         level = panel.drive[defects.drive].saturation_force
         share = defects.slip_excess + defects.slip_scatter * rng.standard_normal()
         changed[f"drive.{defects.drive}.saturation_force"] = level * max(0.1, 1.0 + share)
+    volts = {
+        f"machine.{panel.drive[name].machine}.supply.voltage": fed["voltage"] or 0.0
+        for name, fed in machine_supplies(panel).items()
+        if fed["frequency"]
+    }
+    if volts and plan.supply_scatter:
+        factor = max(0.5, 1.0 + plan.supply_scatter * rng.standard_normal())
+        changed |= {key: factor * value for key, value in volts.items()}
     return changed

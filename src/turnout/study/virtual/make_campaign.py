@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from turnout.core.toml import parse_toml
 from turnout.measurement.campaign.build_campaign import stack_movements
 from turnout.measurement.campaign.recorded_throw import RecordedThrow
 from turnout.measurement.chain.apply import parse_channel_map
+from turnout.measurement.chain.monitoring import transformers
 from turnout.measurement.chain.recorder import PERFECT
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import ordered_movements
@@ -25,6 +27,7 @@ from turnout.study.virtual.campaign_files import (
     WrittenThrow,
     channel_map_text,
     mistype,
+    monitoring_map_text,
     sheet_text,
     synthetic_note,
     true_sheet_row,
@@ -32,12 +35,14 @@ from turnout.study.virtual.campaign_files import (
 from turnout.study.virtual.campaign_plan import CampaignPlan, Case, check_plan, has_room, series_of
 from turnout.study.virtual.record_throw import DIRECTIONS
 from turnout.study.virtual.series import (
+    MONITORING,
     STATE,
     ThrowJob,
     read_part,
     run_jobs,
     stops_series,
 )
+from turnout.throw.drives import machine_supplies
 from turnout.throw.store import save_response
 
 TRUTH = "truth.nc"
@@ -96,7 +101,8 @@ def make_virtual_campaign(
     -------
     VirtualCampaign
         The folder holds recordings, `channels.toml`, `runs.csv` and `truth.nc`: the movements as
-        simulated, in the form that the campaign takes when it is built.
+        simulated, in the form that the campaign takes when it is built. With a monitoring system
+        its folder `monitoring` is a campaign too.
 
     Raises
     ------
@@ -247,5 +253,12 @@ def _finish(
     }
     save_response(truth.assign_attrs(attributes), folder / TRUTH)
     title = f"virtual campaign of {panel.name}"
-    write_atomic(folder / SHEET, sheet_text(lines, note=note, title=title, panel=panel.name))
+    sheet = partial(sheet_text, note=note, title=title, panel=panel.name)
+    write_atomic(folder / SHEET, sheet(lines))
+    if plan.monitoring is not None:
+        stored = [replace(line, file=f"{Path(line.file).stem}.csv") for line in lines]
+        groups = transformers(list(panel.drive), plan.monitoring)
+        map_text = monitoring_map_text(groups, machine_supplies(panel), note=note)
+        write_atomic(folder / MONITORING / CHANNELS, map_text)
+        write_atomic(folder / MONITORING / SHEET, sheet(stored))
     return VirtualCampaign(tuple(thrown), tuple(mistakes), tuple(failures))

@@ -67,6 +67,8 @@ def finer_scheme(scheme: Scheme | None = None) -> Scheme:
 Floats = NDArray[np.float64]
 REST_AFTER_STOP = 1.0
 """Simulated after the last motor has stopped [s]."""
+OF_MACHINES = ("drive_voltage", "drive_power", "drive_apparent_power")
+"""What a monitoring system stores of machines beside their currents."""
 DIRECTIONS = {"closed": "closing", "open": "opening"}
 
 
@@ -244,7 +246,7 @@ def record_throw(
 def record_powers(
     run: xr.Dataset, recorded: xr.Dataset, *, direction: str, window: Window | None = None
 ) -> xr.Dataset:
-    """Return currents and powers of one movement, as a monitoring system's transformers see them.
+    """Return currents, voltages and powers of one movement, as a monitoring system sees them.
 
     Parameters
     ----------
@@ -258,8 +260,8 @@ def record_powers(
     Returns
     -------
     xarray.Dataset
-        `drive_current`, and of machines `drive_power` and `drive_apparent_power` (drive, time); 0
-        before the movement, NaN for drives that are markers.
+        `drive_current`, and of machines `drive_voltage`, `drive_power` and `drive_apparent_power`
+        (drive, time); 0 before the movement, NaN for drives that are markers.
     """
     chosen = window or Window()
     span = movement_named(run, direction)
@@ -269,7 +271,7 @@ def record_powers(
     if supplies:  # a lost phase is on another time; it is refused before the throw
         kinds = {name: {"frequency": item["frequency"]} for name, item in supplies.items()}
         found = found.assign_attrs(machine_supplies=json.dumps(kinds))
-    for name in ("drive_power", "drive_apparent_power"):
+    for name in OF_MACHINES:
         if name in run:
             values = _sampled(run[name], instants, time)
             values[:, instants < span.start] *= 0.0

@@ -25,7 +25,12 @@ from turnout.panel.load import LoadedPanel
 from turnout.study.virtual.campaign_files import write_throw
 from turnout.study.virtual.campaign_plan import CampaignPlan, Case, overrides_for, throw_generator
 from turnout.study.virtual.disturbance import add_disturbance
-from turnout.study.virtual.record_throw import extend_schedule, record_powers, record_throw
+from turnout.study.virtual.record_throw import (
+    OF_MACHINES,
+    extend_schedule,
+    record_powers,
+    record_throw,
+)
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 
@@ -34,7 +39,6 @@ FIELDS = (
     *("drive_force", "drive_displacement", "drive_slipping", "drive_current", "object_force"),
     "contact_time",
 )
-POWERS = ("drive_power", "drive_apparent_power")
 # Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
 KEPT_AROUND = 1.0
 
@@ -181,10 +185,10 @@ def make_throw(job: ThrowJob, case: Case, *, number: int) -> SeriesPart:
 
 
 def _powers(panel: LoadedPanel) -> tuple[str, ...]:
-    """Return the channels of power that a panel's drives have."""
+    """Return the channels of voltage and power that a panel's drives have."""
     motors = [panel.machine[d.machine].motor for d in panel.drive.values() if d.machine]
     alternating = any(motor.of_kind.alternating for motor in motors)
-    return POWERS[: 0 if not motors else 2 if alternating else 1]
+    return OF_MACHINES[: 0 if not motors else 3 if alternating else 2]
 
 
 def read_part(folder: Path, case: Case) -> SeriesPart | None:
