@@ -1,10 +1,10 @@
 """Test of the number of sound throws of `turnout limit --channels all`: a90 claimed and confirmed.
 
-    python -m benchmarks.channels_confirmed FOLDER [--set drive.1.machine=jea73 ...]
+    python -m benchmarks.channels_confirmed FOLDER
 
-FOLDER is that of `turnout limit --set ... --channels all`. The best test of one half of the sound
-throws is judged with the covariance of the other half: no less than that can be detected. What all
-throws claim is no less than the limit.
+FOLDER is that of `turnout limit uic60-760-1-15-jea73 --channels all`. The best test of one half of
+the sound throws is judged with the covariance of the other half: no less than that can be detected.
+What all throws claim is no less than the limit.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from turnout.detection.signal_discrepancy import SignalErrors
 from turnout.detection.throws import Throws, closing_time, stored_throws
 from turnout.panel.load import load_panel
 
-MACHINES = ("drive.1.machine=jea73", "drive.2.machine=jea73-drive2")
+PANEL = "uic60-760-1-15-jea73"
 SETS = (("force",), ("current",), ("power",), ("force", "current"), ("force", "current", "power"))
 
 
@@ -36,10 +36,8 @@ def main() -> None:
     """Print a90 in millimetres by channels and place."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("folder", type=Path)
-    options.add_argument("--set", action="append", dest="settings", metavar="KEY=VALUE")
     given = options.parse_args()
-    settings = dict(item.split("=", 1) for item in given.settings or MACHINES)
-    panel = load_panel("uic60-760-1-15", overrides=settings)
+    panel = load_panel(PANEL)
     throws, closing = stored_throws(panel, given.folder, channels="all"), closing_time(panel)
     for quantities in SETS:
         own, name = with_quantities(throws, quantities), " and ".join(quantities)
