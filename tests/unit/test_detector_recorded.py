@@ -9,9 +9,12 @@ import pytest
 import xarray as xr
 from tests.unit.detector_toy import RATE, toy_detector, toy_throw
 
+import turnout
 from turnout.core.errors import FileError
 from turnout.detection.detector.reading import read_throws
 from turnout.detection.detector.recorded import (
+    LEAST_RATE,
+    SPIKE,
     ForcesAtRest,
     Recorded,
     features_of_recorded,
@@ -21,6 +24,7 @@ from turnout.detection.detector.recorded import (
 from turnout.detection.detector.throw_layout import Layout, layout_of, throw_features
 from turnout.detection.detector.throw_rows import read_table
 from turnout.detection.detector.throws_of_dataset import throws_of_dataset
+from turnout.measurement.campaign.motion_signals import without_spikes
 
 LAYOUT = layout_of([("opening", 0.2, 3.2), ("closing", 4.4, 3.4)], end=8.5, drives=["1", "2"])
 ONSETS = {"opening": 0.2, "closing": 4.4}
@@ -112,6 +116,21 @@ def spoiled(case: str) -> Recorded:
 )
 def test_what_cannot_be_judged_says_why(case: str, why: str) -> None:
     assert why in recording_fault(spoiled(case), LAYOUT)
+
+
+@pytest.mark.parametrize("rate", [20.0, 25.0, 100.0])
+def test_a_stone_that_breaks_is_no_spike(rate: float) -> None:
+    """It stands up to 3.1 kN above the samples around at 20 a second, less at more."""
+    stone = turnout.ForeignObject(size=0.013, at="drive 1", kind="stone")
+    run = turnout.simulate(turnout.load_panel("60e1-300-1-9"), foreign_object=stone)
+    time, (force,) = run["time"].values, run["drive_force"].transpose("drive", "time").values
+    heights = []
+    for phase in np.linspace(0.0, 0.75, 4):
+        samples = np.interp(np.arange(time[0] + phase / rate, time[-1], 1.0 / rate), time, force)
+        heights.append(np.abs(samples - without_spikes(samples, rate=np.inf, least=0.0)).max())
+    assert max(heights) < 0.65 * SPIKE
+    if rate == LEAST_RATE:
+        assert max(heights) > 0.55 * SPIKE
 
 
 @pytest.mark.parametrize("rest", [2800.0, 3200.0])
