@@ -84,6 +84,14 @@ def test_histories(pair: tuple[str, MachineThrow, dict[str, np.ndarray]], channe
     assert np.sqrt(np.mean(difference**2)) <= RMS[channel] * peak
 
 
+def test_the_force_converges_to_the_reference() -> None:
+    """0.005 % at 0.05 ms are of the rail's ringing on its stop, and end with the step."""
+    with np.load(DATA / "sb3_S1.npz") as theirs:
+        expected = theirs["rod_force"]
+    found = throw_one_mass("sb3", overrides={"throw.step": 1e-5})["rod_force"][::5]
+    assert np.sqrt(np.mean((found - expected) ** 2)) <= 2e-6 * np.abs(expected).max()
+
+
 def test_current_away_from_switching(
     pair: tuple[str, MachineThrow, dict[str, np.ndarray]],
 ) -> None:
