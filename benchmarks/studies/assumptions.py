@@ -3,24 +3,27 @@
     python -m benchmarks.studies.assumptions FOLDER
 
 writes docs/evidence/assumptions.md: friction, locking, ends of the motion, fit, vertical forces;
-end forces, what objects at sleeper 6 change, the size a90 there, and the least gauge. Throws are
-kept in FOLDER; a run that was stopped goes on. `a90` rests on few throws of the population of
-sound switches (`SOUND`, `STATES`), the same draws for all rows, so that differences say more than
-levels.
+end forces, what objects at sleeper 6 change, the size a90 there, the least gauge, and the numbers
+behind the other facts of the paper. Throws are kept in FOLDER; a run that was stopped goes on.
+`a90` rests on few throws of the population of sound switches (`SOUND`, `STATES`), the same draws
+for all rows, so that differences say more than levels.
 """
 
 import argparse
 import json
 import sys
-import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from benchmarks.page import EVIDENCE
+from turnout.calibration.matching.facts import Facts, load_facts
+from turnout.calibration.matching.match import Thrower, holds
 from turnout.calibration.matching.measures import LAST, end_forces
 from turnout.detection.floor import touch_floor
 from turnout.detection.limit.limit_map import limit_map
@@ -35,10 +38,13 @@ from turnout.detection.throws import (
     throws_from,
 )
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.load import LoadedPanel, load_panel
+from turnout.panel.load import LoadedPanel, as_written, load_panel
+from turnout.study.design import Drawn
+from turnout.study.distribution import Distribution
 from turnout.study.study import Study
 from turnout.study.sweep.read import open_batches
 from turnout.study.sweep.run import throw_study
+from turnout.study.variable import Variable, value_kind
 from turnout.throw.simulate import simulate
 
 PAGE = EVIDENCE / "assumptions.md"
@@ -49,14 +55,17 @@ SOUND, STATES = 150, 20
 BEYOND = (2.0e-3, 4.5e-3, 10.0e-3)
 """Sizes beyond that which is touched in nine of ten states [m]."""
 MATTERS = 0.01
-"""Share of the peak force from which a change is named."""
+"""Share from which a change is named: of the peak force, or of what is no force."""
 KEPT = "rows.json"
 MACHINES = {
     **{"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"},
     **{"movement.return.extra_time": {}, "schedule.end": 9.5},  # the gear takes the 0.2 s; at rest
 }
 BAR = {"stroke": 0.014, "force": 1000.0}
-LOCKS = {"machine.jea73.lock": BAR, "machine.jea73-drive2.lock": BAR}
+LOCKS = {
+    **{"machine.jea73.lock": BAR, "machine.jea73-drive2.lock": BAR},
+    **{"movement.return.start": 6.5, "schedule.end": 12.0},  # once the opening is locked
+}
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,71 @@ class Case:
     name: str
     values: dict[str, Any] = field(default_factory=dict)
     base: str = ""
-    population: bool = True
+    drawn: tuple[tuple[str, float, float], ...] = ()
+    """Keys that differ from switch to switch in the population too, least and most in SI."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """Facts of `paper-facts` by name, or answers, in one column: values times `factor`."""
+
+    heading: str
+    names: tuple[str, ...]
+    factor: float
+    digits: int = 0
+    force: bool = False
+
+
+BUILD_UP = "d: build-up of Drive 1,"
+LINE = ("friction 0.1 and 0.3 on a line", "friction 0.3 and 0.5 on a line")
+GROWTH = tuple(
+    f"c: Drive {drive}, {own} mm after {old} mm"
+    for drive in "12"
+    for old, own in pairwise((5, 10, 13, 16, 18, 21, 23, 26, 29, 31))
+)
+OBJECTS = (
+    Column("a: left at Drive 2 [mm]", ("a: left at Drive 2 with 81 kN/m",), 1e3, 1),
+    Column("b: sound gap at TKK1 [mm]", ("b: 5 mm at sleeper 6 is not touched",), 1e3, 2),
+    Column("c: least growth [N]", GROWTH, 1.0, force=True),
+    Column(
+        "c: 29 mm, travel until slip [mm]", ("c: 29 mm at sleeper 6, travel left until slip",),
+        1e3, 2,
+    ),
+    Column(
+        "d: the other drive less a quarter, 13 mm at Drive 1 / 2 [N]",
+        tuple(
+            f"d: 13 mm at Drive {own}, Drive {other} less a quarter of Drive {own}"
+            for own, other in ("12", "21")
+        ),
+        1.0, force=True,
+    ),
+    Column(
+        "d: build-up, 75 / 750 / 7500 kN/m [kN/s]",
+        tuple(f"{BUILD_UP} {stiffness} kN/m" for stiffness in (75, 750, 7500)), 1e-3, 1,
+    ),
+)  # fmt: skip
+SWITCH = (
+    *(
+        Column(
+            f"e: Drive {drive} off a line, 0.1 to 0.3 / 0.3 to 0.5 [N]",
+            tuple(f"e: Drive {drive}, {pair}" for pair in LINE), 1.0, force=True,
+        )
+        for drive in "12"
+    ),
+    Column("g: flangeway [mm]", ("g: least flangeway",), 1e3, 1),
+    Column("g: margin [%]", ("g: least margin",), 1e2, 1),
+    *(
+        Column(
+            f"g: misses lock by, 3 / 5 mm at Drive {drive} [mm]",
+            (f"g: 3 mm at Drive {drive}, locks", f"g: 5 mm at Drive {drive}, refused"), 1e3, 2,
+        )
+        for drive in "12"
+    ),
+    Column(
+        "h: Drive 2's current, 10 / 13 mm [mA]",
+        tuple(f"h: {size} mm there, current of Drive 2 by" for size in (10, 13)), 1e3,
+    ),
+)  # fmt: skip
 
 
 def fit(gap: float) -> dict[str, Any]:
@@ -76,6 +149,8 @@ def fit(gap: float) -> dict[str, Any]:
     return {"rail.fit_gap.value": [gap / height * value for value in own.value]}  # type: ignore[union-attr]
 
 
+AT_REST = (("chair.static_ratio", 1.0, 1.3), ("chair.stribeck_speed", 1e-3, 20e-3))
+"""As the ranges of `paper-facts`."""
 BARE, DRIVEN = "the panel as it is", "machines in place of markers"
 
 
@@ -87,13 +162,14 @@ def cases() -> list[Case]:
         Case(BARE),
         *(Case(f"chairs: {name}", {"chair.friction_state": name}, BARE) for name in states),
         Case("level at rest 1.2 times", {"chair.static_ratio": 1.2}, BARE),
+        Case("the same, 1 to 1.3 times from switch to switch", {}, BARE, AT_REST),
         Case(DRIVEN, MACHINES, BARE),
         Case("machines with lock bars, 14 mm and 1 kN", MACHINES | LOCKS, DRIVEN),
         Case("clamp locks, 60 mm of lost motion", {"drive.lost_motion": 0.06}, BARE),
         Case("ends of the motion 0.1 s", {"movement.ramp": 0.1}, BARE),
         Case("ends of the motion 0.6 s", {"movement.ramp": 0.6}, BARE),
         Case("fit gap 0", fit(0.0), BARE),
-        Case("fit gap 2.5 mm", fit(2.5e-3), BARE, population=False),
+        Case("fit gap 2.5 mm", fit(2.5e-3), BARE),
         Case("fit gap 5 mm", fit(5e-3), BARE),
         Case("rods that rise by 0.086", {"drive.rod_slope": 0.086}, BARE),
         Case("rods that fall by 0.086", {"drive.rod_slope": -0.086}, BARE),
@@ -110,9 +186,8 @@ def thrown(panel: LoadedPanel, size: float = 0.0) -> xr.Dataset:
     return simulate(panel, foreign_object=trapped, mode="quick")
 
 
-def figures(panel: LoadedPanel, folder: Path, *, population: bool) -> dict[str, Any]:
+def figures(panel: LoadedPanel, case: Case, folder: Path, facts: Facts) -> dict[str, Any]:
     """Return the numbers of a row [N], [m]."""
-    began = time.process_time()
     nominal = panel.gauge.nominal if panel.gauge else np.nan
     without = thrown(panel)
     forces = end_forces(without)
@@ -130,14 +205,34 @@ def figures(panel: LoadedPanel, folder: Path, *, population: bool) -> dict[str, 
             "gauge": float(with_object["least_gauge"]) - nominal,
             "residual": _residual(with_object),
         }
-    if population:
-        found["a90"] = smallest_seen(panel, folder)
-    return found | {"seconds": time.process_time() - began}
+    found["a90"] = smallest_seen(panel, case, folder)
+    return found | behind_facts(panel, case, facts)
 
 
-def smallest_seen(panel: LoadedPanel, folder: Path) -> float:
+def behind_facts(panel: LoadedPanel, case: Case, facts: Facts) -> dict[str, Any]:
+    """Return the numbers behind facts in SI, and the facts that a panel does not meet.
+
+    Drives with lost motion have no machines, so no currents.
+    """
+    by_machines, lacking = None, any(drive.lost_motion for drive in panel.drive.values())
+    if not lacking:
+        changed = panel.with_overrides(MACHINES | case.values)
+        by_machines = as_written(changed.with_overrides(dict(facts.machines), si=False))
+    thrower, wanted = Thrower(panel, "quick", by_machines), (*facts.facts, *facts.answers)
+    shown = {name for column in (*OBJECTS, *SWITCH) for name in column.names}
+    wanted = tuple(item for item in wanted if item in facts.facts or item.name in shown)
+    if lacking:
+        wanted = tuple(item for item in wanted if not item.name.startswith("h:"))
+    values = {item.name: thrower.sum(item, among=wanted) for item in wanted}
+    missed = [f.name for f in facts.facts if f in wanted and not holds(f, values[f.name])]
+    return {"facts": values, "missed": missed}
+
+
+def smallest_seen(panel: LoadedPanel, case: Case, folder: Path) -> float:
     """Return the linear bound of a90 at the place, from few throws of the population [m]."""
-    whole, first = (reference_study(panel, count=count) for count in (SOUND, STATES))
+    whole, first = (
+        with_drawn(reference_study(panel, count=count), case.drawn) for count in (SOUND, STATES)
+    )
     at = {PLACE: panel.sleeper[PLACE.split()[1]].x}
 
     def thrown_study(study: Study, name: str) -> xr.Dataset:
@@ -163,6 +258,21 @@ def smallest_seen(panel: LoadedPanel, folder: Path) -> float:
     return float(limit["a90"].sel(channel="both drives").item())
 
 
+def with_drawn(study: Study, drawn: tuple[tuple[str, float, float], ...]) -> Study:
+    """Return a study that draws further keys evenly, after its own: these stay as they are."""
+    for key, least, most in drawn:
+        law = Distribution(kind="uniform", parameters={"minimum": least, "maximum": most})
+        design, copula = study.design, study.design.copula
+        design = replace(
+            design,
+            drawn=(*design.drawn, Drawn(name=key, law=law)),
+            copula=None if copula is None else block_diag(copula, np.ones((1, 1))),
+        )
+        variable = Variable(name=key, key=key, kind=value_kind(study.panel, key))
+        study = replace(study, design=design, variables={**study.variables, key: variable})
+    return study
+
+
 def _residual(dataset: xr.Dataset) -> float:
     """Return the energy residual over the work of the markers [-]."""
     work = float(np.abs(dataset["work_markers"]).max())
@@ -174,21 +284,19 @@ def all_figures(folder: Path) -> dict[str, dict[str, Any]]:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / KEPT
     known: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
-    panel = load_panel(PANEL)
+    panel, facts = load_panel(PANEL), load_facts("paper-facts")
     for number, case in enumerate(cases()):
         if case.name not in known:
-            made = panel.with_overrides(case.values) if case.values else panel
-            own = folder / f"case-{number}"
-            known[case.name] = figures(made, own, population=case.population)
+            made = as_written(panel.with_overrides(case.values)) if case.values else panel
+            known[case.name] = figures(made, case, folder / f"case-{number}", facts)
             path.write_text(json.dumps(known, indent=1))
-            print(f"{case.name}: {known[case.name]['seconds']:.0f} s", file=sys.stderr, flush=True)
+            print(case.name, file=sys.stderr, flush=True)
     return known
 
 
-def shown(change: float, peak: float) -> str:
-    """Return a change of a force in N, in bold where it matters."""
-    text = f"{change:+.0f}"
-    return f"**{text}**" if abs(change) > MATTERS * peak else text
+def marked(text: str, change: float, whole: float) -> str:
+    """Return a text, in bold where the change is more than a share of a whole, or not finite."""
+    return text if abs(change) <= MATTERS * abs(whole) else f"**{text}**"
 
 
 def table(known: dict[str, dict[str, Any]]) -> str:
@@ -199,25 +307,63 @@ def table(known: dict[str, dict[str, Any]]) -> str:
         "|---|--:|--:|--:|--:|--:|--:|",
     ]
     for case in cases():
-        own, base = known[case.name], known.get(case.base)
+        own = known[case.name]
+        base, peak = known[case.base or case.name], known[case.base or case.name]["peak"]
         first = [f"{value:.0f}" for value in own["forces"]]
-        if base is not None:
-            pairs = zip(own["forces"], base["forces"], strict=True)
-            first = [shown(mine - its, base["peak"]) for mine, its in pairs]
+        if case.base:
+            changes = np.subtract(own["forces"], base["forces"])
+            first = [marked(f"{change:+.0f}", change, peak) for change in changes]
         cells = [case.name, *first]
         for size in SIZES:
-            of_size, of_base = own[f"{1e3 * size:.0f}"], (base or own)[f"{1e3 * size:.0f}"]
+            of_size, of_base = own[f"{1e3 * size:.0f}"], base[f"{1e3 * size:.0f}"]
             change = of_size["change"][1]
-            text = f"{change:.0f}"
-            if abs(change - of_base["change"][1]) > MATTERS * (base or own)["peak"]:
-                text = f"**{text}**"
+            text = marked(f"{change:.0f}", change - of_base["change"][1], peak)
             cells.append(f"{text}, {1e3 * of_size['gap']:.2f}")
-        seen = own.get("a90")
-        told = f"{1e3 * seen:.1f}" if seen is not None and np.isfinite(seen) else "-"
-        cells.append("not thrown" if seen is None else told)
-        cells.append(f"{1e3 * own['gauge']:.1f} / {1e3 * own['13']['gauge']:.1f}")
+        seen = own["a90"]
+        told = f"{1e3 * seen:.1f}" if np.isfinite(seen) else "-"
+        cells.append(marked(told, seen - base["a90"], base["a90"]))
+        gauges = [(row["gauge"], row["13"]["gauge"]) for row in (own, base)]
+        pairs = zip(*gauges, strict=True)
+        cells.append(" / ".join(marked(f"{1e3 * g:.1f}", g - old, old) for g, old in pairs))
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def facts_table(known: dict[str, dict[str, Any]], columns: tuple[Column, ...]) -> str:
+    """Return the numbers behind facts; of growth the least."""
+    heads = [column.heading for column in columns]
+    lines = ["| in place of the panel's | " + " | ".join(heads) + " |"]
+    lines.append("|---|" + "--:|" * len(columns))
+    for case in cases():
+        if case.drawn:  # the panel itself is that of its base
+            continue
+        base = known[case.base or case.name]
+        cells = [case.name]
+        for column in columns:
+            own, old = (
+                [row["facts"].get(name, np.nan) for name in column.names]
+                for row in (known[case.name], base)
+            )
+            if column.names is GROWTH:
+                own, old = [min(own)], [min(old)]
+            cells.append(
+                " / ".join(
+                    marked(
+                        f"{column.factor * value:.{column.digits}f}".replace("nan", "-"),
+                        value - before,
+                        base["peak"] if column.force else before,
+                    )
+                    for value, before in zip(own, old, strict=True)
+                )
+            )
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def missed(known: dict[str, dict[str, Any]]) -> str:
+    """Return the facts that a row does not meet, row by row."""
+    rows = [(case.name, known[case.name]["missed"]) for case in cases() if not case.drawn]
+    return "\n".join(f"- {name}: {'; '.join(facts) or 'none'}" for name, facts in rows)
 
 
 def page(known: dict[str, dict[str, Any]]) -> str:
@@ -233,16 +379,35 @@ Written by `python -m benchmarks.studies.assumptions`: the default panel, mode q
 assumption changed in a row. The first row is the panel. Below it, end forces (mean of the last
 {LAST:g} s) are changes from it, those of lock bars from machines without them. What objects of 10
 and 13 mm at sleeper 6 change at Drive 2, and the gap that they leave at TKK1, are of the row.
-**Bold**: differs from the first row, or the row that it builds on, by more than {100 * MATTERS:g} %
-of the peak force. Gauge is less the nominal one.
+**Bold**: differs from the first row, or the row that it builds on, by more than
+{100 * MATTERS:g} %: of the peak force where it is a force, else of the value in that row. Gauge is
+less the nominal one.
 
 a90 is the linear bound of `turnout limit` by force at sleeper 6 alone, from {SOUND} sound throws
 and {STATES} states with objects, drawn alike for all rows: an estimate whose differences say more
 than its level. "-": larger than what was thrown, {1e3 * BEYOND[-1]:g} mm beyond the size that is
-touched in nine of ten states; "not thrown" where none was. Largest energy residual over the work
-of the drives: {residual:.0e}. A row takes some 12 s of processor time.
+touched in nine of ten states. Largest energy residual over the work of the drives:
+{residual:.0e}.
 
 {table(known)}
+
+## On the other facts of the paper
+
+The numbers behind facts a to e, g and h of the facts file
+[`paper-facts`](plausible-panels.md), which says how each is taken and what its limits are.
+a: 13 mm at Drive 2 with 81 kN/m. c: least change of an end force from a size to the next at
+sleeper 6, of both drives. d: 13 mm at a drive; below 0 the other drive changes by less than a
+quarter as much. g: below 0 the switch locks. h: with machines in place of markers, Drive 2 without
+the extra time of its marker, which its gear takes; clamp locks have none.
+
+{facts_table(known, OBJECTS)}
+
+{facts_table(known, SWITCH)}
+
+Facts that a row does not meet. The panel was matched without these assumptions;
+[the plausible panels](plausible-panels.md) are matched with them.
+
+{missed(known)}
 
 Laws and sources: [friction](../theory/friction.md#friction-states),
 [lock bars](../theory/machines.md#lock-bar),
