@@ -25,7 +25,7 @@ from turnout.calibration.machine_estimates.current_fit import (
     slip_estimate,
     slip_level,
 )
-from turnout.calibration.machine_estimates.force_anchor import gauge_anchor, sister_anchor
+from turnout.calibration.machine_estimates.force_anchor import Gauge, Sister
 from turnout.cli.main import app
 from turnout.core.errors import MachineError, MeasurementError
 from turnout.core.moving_average import moving_average
@@ -242,9 +242,9 @@ def test_anchors_give_newtons() -> None:
 
 def test_anchors_that_cannot_be() -> None:
     with pytest.raises(MachineError, match="needs a force above 0"):
-        gauge_anchor(slip_current=0.7, idle=0.8, force=6e3, force_deviation=1e2)
+        Gauge(force=6e3, deviation=1e2).anchor(slip_current=0.7, idle=0.8)
     with pytest.raises(MachineError, match="spread is that from machine to machine"):
-        sister_anchor(slope=2e-4, spread=0.0, idle=0.8)
+        Sister(slope=2e-4, spread=0.0).anchor(idle=0.8)
     with pytest.raises(MeasurementError, match="idle of drive '3': there are 1"):
         fit_machines(campaign(), idle={"3": 0.8})
     with pytest.raises(MeasurementError, match="drive_current: is missing"):
@@ -299,16 +299,14 @@ def test_a_series_motor_gives_back_the_forces_of_its_own_curve() -> None:
     def shape(current: float) -> float:
         return current**2 / (1.0 + current / saturation)
 
-    anchor = gauge_anchor(
-        slip_current=slip, idle=idle, force=force, force_deviation=80.0,
-        saturation_current=saturation,
-    )  # fmt: skip
+    gauge = Gauge(force=force, deviation=80.0)
+    anchor = gauge.anchor(slip_current=slip, idle=idle, saturation_current=saturation)
     for current in (1.2, 1.5, 1.8, 2.0):
         wanted = force * (shape(current) - shape(idle)) / (shape(slip) - shape(idle))
         found = anchor.force(current)
         assert found.value == pytest.approx(wanted)
         assert found.deviation >= 0.0199 * wanted
-    straight = gauge_anchor(slip_current=slip, idle=idle, force=force, force_deviation=80.0)
+    straight = gauge.anchor(slip_current=slip, idle=idle)
     assert straight.force(1.5).value == pytest.approx(2000.0)
     step = anchor.force(1.5, deviation=1e-3).deviation ** 2 - anchor.force(1.5).deviation ** 2
     slope = (anchor.force(1.501).value - anchor.force(1.499).value) / 0.002
@@ -331,9 +329,9 @@ def test_a_short_slipping_span_has_an_interval(size: int) -> None:
 def test_the_idle_error_of_a_gauge_counts_once(saturation: float | None) -> None:
     """Reference: all three drawn 20,000 times, F = F_s (g(i) - g(i_0))/(g(i_s) - g(i_0))."""
     slip, idle, force = 2.0, 0.8, 6e3
-    anchor = gauge_anchor(
-        slip_current=slip, slip_deviation=0.01, idle=idle, idle_deviation=0.02, force=force,
-        force_deviation=50.0, saturation_current=saturation,
+    anchor = Gauge(force=force, deviation=50.0).anchor(
+        slip_current=slip, slip_deviation=0.01, idle=idle, idle_deviation=0.02,
+        saturation_current=saturation,
     )  # fmt: skip
 
     def shape(current: Floats) -> Floats:
@@ -378,16 +376,14 @@ def test_a_sister_of_a_series_motor(sister_idle: float | None) -> None:
 
     from_idle = idle if sister_idle is None else sister_idle
     rise = (current_of(shape(from_idle) + per_newton * reference) - from_idle) / reference
-    anchor = sister_anchor(
-        slope=rise, spread=0.1 * rise, idle=idle, saturation_current=saturation,
-        reference=reference, sister_idle=sister_idle,
-    )  # fmt: skip
+    sister = Sister(slope=rise, spread=0.1 * rise, reference=reference, idle=sister_idle)
+    anchor = sister.anchor(idle=idle, saturation_current=saturation)
     for force in (0.0, 1500.0, 4000.0, 5000.0):
         found = anchor.force(current_of(shape(idle) + per_newton * force))
         assert found.value == pytest.approx(force, abs=1e-6)
         assert found.low - 1e-9 <= force <= found.high + 1e-9
     with pytest.raises(MachineError, match="reference force"):
-        sister_anchor(slope=rise, spread=1e-5, idle=idle, saturation_current=saturation)
+        Sister(slope=rise, spread=1e-5).anchor(idle=idle, saturation_current=saturation)
 
 
 def test_a_sister_of_a_series_motor_in_a_campaign() -> None:

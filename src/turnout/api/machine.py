@@ -7,7 +7,8 @@ from typing import Literal
 import xarray as xr
 
 from turnout.api.campaign import Campaign, dataset_of
-from turnout.calibration.machine_estimates.machine_fit import Gauge, MachineFit, Sister
+from turnout.calibration.machine_estimates.force_anchor import Gauge, Sister
+from turnout.calibration.machine_estimates.machine_fit import MachineFit
 from turnout.calibration.machine_estimates.machine_fit import fit_machines as fit_dataset
 from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit
 from turnout.calibration.machine_estimates.three_phase import fit_three_phase as fit_phases

@@ -403,7 +403,8 @@ def fit_command(
         output.show(*three_phase_lines(fits))
         output.json(three_phase_record, fits, units=THREE_PHASE_UNITS)
         return
-    from turnout.calibration.machine_estimates.machine_fit import Gauge, Sister, fit_machines
+    from turnout.calibration.machine_estimates.force_anchor import Gauge, Sister
+    from turnout.calibration.machine_estimates.machine_fit import fit_machines
 
     fit = fit_machines(
         dataset,

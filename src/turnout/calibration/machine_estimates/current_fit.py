@@ -120,6 +120,12 @@ class Estimate:
         )
         return cls(value, math.hypot(deviation, common), value - reach, value + reach, count)
 
+    @classmethod
+    def mean(cls, values: Sequence[float], *, common: float = 0.0) -> "Estimate":
+        """Return the mean of two values or more, with the deviation by their scatter."""
+        deviation = float(np.std(values, ddof=1) / math.sqrt(len(values)))
+        return cls.of(float(np.mean(values)), deviation, len(values), common=common)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunningSpan:
@@ -449,12 +455,10 @@ def slip_estimate(levels: Sequence[SlipLevel]) -> Estimate | None:
     """
     if not levels:
         return None
-    currents = np.array([level.current for level in levels])
-    if currents.size == 1:
+    if len(levels) == 1:
         alone = levels[0]
         return replace(Estimate.of(alone.current, alone.deviation, alone.blocks), count=1)
-    deviation = float(currents.std(ddof=1) / math.sqrt(currents.size))
-    return Estimate.of(float(currents.mean()), deviation, currents.size)
+    return Estimate.mean([level.current for level in levels])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

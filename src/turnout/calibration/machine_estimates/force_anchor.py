@@ -56,7 +56,7 @@ class ForceAnchor:
 
         Examples
         --------
-        >>> anchor = gauge_anchor(slip_current=2.0, idle=0.8, force=6000.0, force_deviation=120.0)
+        >>> anchor = Gauge(force=6000.0, deviation=120.0).anchor(slip_current=2.0, idle=0.8)
         >>> force = anchor.force(1.4)
         >>> round(force.value), round(force.deviation)
         (3000, 60)
@@ -85,119 +85,128 @@ class ForceAnchor:
         )
 
 
-def gauge_anchor(
-    *,
-    slip_current: float,
-    idle: float,
-    force: float,
-    force_deviation: float,
-    slip_deviation: float = 0.0,
-    idle_deviation: float = 0.0,
-    saturation_current: float | None = None,
-) -> ForceAnchor:
-    """Return the anchor that a gauge of the clutch's force gives: slope = (i_s - i_0)/F.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gauge:
+    """Force at which a clutch slips, from a gauge, and its standard deviation [N]."""
 
-    Parameters
-    ----------
-    slip_current, slip_deviation : float
-        While the clutch slips [A].
-    idle, idle_deviation : float
-        Without force on the rod, such as with the rod taken off [A].
-    force, force_deviation : float
-        What the gauge shows while the clutch slips [N].
-    saturation_current : float, optional
-        Of a series motor [A]; left out, the current rises straight.
+    force: float
+    deviation: float
 
-    Raises
-    ------
-    MachineError
-        When force or currents cannot be.
-    """
-    if not (force > 0.0 and force_deviation >= 0.0 and slip_current > idle > 0.0):
-        text = (
-            f"clutch force {force:g} N +- {force_deviation:g} N at {slip_current:.4g} A, idle "
-            f"{idle:.4g} A: needs a force above 0 and a slip current above the idle current"
+    def anchor(
+        self,
+        *,
+        slip_current: float,
+        idle: float,
+        slip_deviation: float = 0.0,
+        idle_deviation: float = 0.0,
+        saturation_current: float | None = None,
+    ) -> ForceAnchor:
+        """Return the anchor that it gives: slope = (i_s - i_0)/F.
+
+        Parameters
+        ----------
+        slip_current, slip_deviation : float
+            While the clutch slips [A].
+        idle, idle_deviation : float
+            Without force on the rod, such as with the rod taken off [A].
+        saturation_current : float, optional
+            Of a series motor [A]; left out, the current rises straight.
+
+        Raises
+        ------
+        MachineError
+            When force or currents cannot be.
+        """
+        force, deviation = self.force, self.deviation
+        if not (force > 0.0 and deviation >= 0.0 and slip_current > idle > 0.0):
+            text = (
+                f"clutch force {force:g} N +- {deviation:g} N at {slip_current:.4g} A, idle "
+                f"{idle:.4g} A: needs a force above 0 and a slip current above the idle current"
+            )
+            raise MachineError([text], source="clutch-force gauge")
+        slope = (slip_current - idle) / force
+        relative = math.hypot(
+            math.hypot(slip_deviation, idle_deviation) / (slip_current - idle), deviation / force
         )
-        raise MachineError([text], source="clutch-force gauge")
-    slope = (slip_current - idle) / force
-    relative = math.hypot(
-        math.hypot(slip_deviation, idle_deviation) / (slip_current - idle), force_deviation / force
-    )
-    return ForceAnchor(
-        kind="clutch-force gauge",
-        slope=slope,
-        slope_deviation=slope * relative,
-        idle=idle,
-        idle_deviation=idle_deviation,
-        scale_deviation=force_deviation / force,
-        covariance=-(idle_deviation**2) / force,  # slope = (i_s - i_0)/F falls as i_0 rises
-        series=None if saturation_current is None else (force, saturation_current),
-    )
+        return ForceAnchor(
+            kind="clutch-force gauge",
+            slope=slope,
+            slope_deviation=slope * relative,
+            idle=idle,
+            idle_deviation=idle_deviation,
+            scale_deviation=deviation / force,
+            covariance=-(idle_deviation**2) / force,  # slope = (i_s - i_0)/F falls as i_0 rises
+            series=None if saturation_current is None else (force, saturation_current),
+        )
 
 
-def sister_anchor(
-    *,
-    slope: float,
-    spread: float,
-    idle: float,
-    idle_deviation: float = 0.0,
-    saturation_current: float | None = None,
-    reference: float | None = None,
-    sister_idle: float | None = None,
-) -> ForceAnchor:
-    """Return the anchor that a machine of the same type gives.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sister:
+    """Knowledge of a machine of the same type.
 
-    Parameters
+    Attributes
     ----------
     slope, spread : float
-        Its rise of the current with the force, and the standard deviation of that from machine to
+        Rise of its current with the force, and the standard deviation of that from machine to
         machine [A/N].
-    idle, idle_deviation : float
-        Current of this machine without force [A].
-    saturation_current : float, optional
-        Of series motors [A]; left out, the current rises straight.
     reference : float, optional
         Of series motors: force up to which `slope` is the mean rise from no force [N].
-    sister_idle : float, optional
-        Of series motors: current of the sister without force; default that of this machine [A].
-
-    Raises
-    ------
-    MachineError
-        When the slope is not positive, no spread is given (sister machines are never equal), or
-        a series motor lacks the reference force.
-
-    Notes
-    -----
-    What two series motors of a type share is the rise of g(i) = i^2/(1 + i/i_s) with the force, not
-    that of the current, which is smaller the higher the current already is.
+    idle : float, optional
+        Of series motors: its current without force; default that of the drive itself [A].
     """
-    if not (slope > 0.0 and spread > 0.0 and idle > 0.0):
-        text = (
-            f"sister machine {1e3 * slope:g} A/kN +- {1e3 * spread:g} A/kN, idle {idle:g} A: all "
-            "three must be above 0; the spread is that from machine to machine"
-        )
-        raise MachineError([text], source="sister machine")
-    series = None
-    if saturation_current is not None:
-        if reference is None or not reference > 0.0:
+
+    slope: float
+    spread: float
+    reference: float | None = None
+    idle: float | None = None
+
+    def anchor(self, *, idle: float, saturation_current: float | None = None) -> ForceAnchor:
+        """Return the anchor that it gives another machine.
+
+        Parameters
+        ----------
+        idle : float
+            Current of that machine without force [A].
+        saturation_current : float, optional
+            Of series motors [A]; left out, the current rises straight.
+
+        Raises
+        ------
+        MachineError
+            When the slope is not positive, no spread is given (sister machines are never equal),
+            or a series motor lacks the reference force.
+
+        Notes
+        -----
+        What two series motors of a type share is the rise of g(i) = i^2/(1 + i/i_s) with the
+        force, not that of the current, which is smaller the higher the current already is.
+        """
+        slope, spread, reference, series = self.slope, self.spread, self.reference, None
+        if not (slope > 0.0 and spread > 0.0 and idle > 0.0):
             text = (
-                "the current of a series motor does not rise straight: give the reference force "
-                "up to which the sister's rise was taken, such as 'to 4 kN'"
+                f"sister machine {1e3 * slope:g} A/kN +- {1e3 * spread:g} A/kN, idle {idle:g} A: "
+                "all three must be above 0; the spread is that from machine to machine"
             )
             raise MachineError([text], source="sister machine")
-        start = idle if sister_idle is None else sister_idle
-        top = start + slope * reference
-        curve = TorqueCurve(saturation_current)
-        own_top = curve.current(curve.torque(idle) + curve.torque(top) - curve.torque(start))
-        spread *= curve.slope(top) / curve.slope(own_top)
-        slope = (own_top - idle) / reference
-        series = (reference, saturation_current)
-    return ForceAnchor(
-        kind="sister machine",
-        slope=slope,
-        slope_deviation=spread,
-        idle=idle,
-        idle_deviation=idle_deviation,
-        series=series,
-    )
+        if saturation_current is not None:
+            if reference is None or not reference > 0.0:
+                text = (
+                    "the current of a series motor does not rise straight: give the reference "
+                    "force up to which the sister's rise was taken, such as 'to 4 kN'"
+                )
+                raise MachineError([text], source="sister machine")
+            start = idle if self.idle is None else self.idle
+            top = start + slope * reference
+            curve = TorqueCurve(saturation_current)
+            own_top = curve.current(curve.torque(idle) + curve.torque(top) - curve.torque(start))
+            spread *= curve.slope(top) / curve.slope(own_top)
+            slope = (own_top - idle) / reference
+            series = (reference, saturation_current)
+        return ForceAnchor(
+            kind="sister machine",
+            slope=slope,
+            slope_deviation=spread,
+            idle=idle,
+            idle_deviation=0.0,
+            series=series,
+        )

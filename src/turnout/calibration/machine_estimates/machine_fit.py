@@ -25,11 +25,7 @@ from turnout.calibration.machine_estimates.current_fit import (
     fit_load_line,
     slip_estimate,
 )
-from turnout.calibration.machine_estimates.force_anchor import (
-    ForceAnchor,
-    gauge_anchor,
-    sister_anchor,
-)
+from turnout.calibration.machine_estimates.force_anchor import ForceAnchor, Gauge, Sister
 from turnout.calibration.machine_estimates.running_spans import (
     LEAST_RUN,
     OVERRUN,
@@ -54,34 +50,6 @@ WITHOUT_FORCES = (
     "idle current, rise with the force and force: without forces a current is only amperes; give "
     "an anchor (forces at the drive, a clutch-force gauge or a sister machine)"
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gauge:
-    """Force at which a clutch slips, from a gauge, and its standard deviation [N]."""
-
-    force: float
-    deviation: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sister:
-    """Knowledge of a machine of the same type.
-
-    Attributes
-    ----------
-    slope, spread : float
-        Rise of its current with the force, and the spread of that from machine to machine [A/N].
-    reference : float, optional
-        Of series motors: force up to which the rise was taken [N].
-    idle : float, optional
-        Of series motors: its current without force; default that of the drive itself [A].
-    """
-
-    slope: float
-    spread: float
-    reference: float | None = None
-    idle: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -257,7 +225,7 @@ def fit_machines(
                 held=float(np.mean(held)) if held else math.nan,
                 levels=tuple(levels),
                 trend=clutch_trend(levels, idle=known),
-                energised=_mean(free),
+                energised=Estimate.mean(free) if len(free) > 1 else None,
                 anchor=anchor,
                 usage=tuple(_usage(span, anchor) for span in spans if span.usable.any()),
             )
@@ -338,24 +306,14 @@ def _anchor(
     if drive not in idle:
         return None
     if drive in gauges and slip is not None:
-        return gauge_anchor(
+        return gauges[drive].anchor(
             slip_current=slip.value,
             slip_deviation=slip.deviation,
             idle=idle[drive],
-            force=gauges[drive].force,
-            force_deviation=gauges[drive].deviation,
             saturation_current=series,
         )
     if drive in sisters:
-        sister = sisters[drive]
-        return sister_anchor(
-            slope=sister.slope,
-            spread=sister.spread,
-            idle=idle[drive],
-            saturation_current=series,
-            reference=sister.reference,
-            sister_idle=sister.idle,
-        )
+        return sisters[drive].anchor(idle=idle[drive], saturation_current=series)
     return None
 
 
@@ -369,10 +327,3 @@ def _usage(span: RunningSpan, anchor: ForceAnchor | None) -> Usage:
         force_mean=anchor.force(mean) if anchor else None,
         force_most=anchor.force(most) if anchor else None,
     )
-
-
-def _mean(values: Sequence[float]) -> Estimate | None:
-    if len(values) < 2:
-        return None
-    deviation = float(np.std(values, ddof=1) / math.sqrt(len(values)))
-    return Estimate.of(float(np.mean(values)), deviation, len(values))

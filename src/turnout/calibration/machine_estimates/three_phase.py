@@ -680,16 +680,13 @@ def _loss(
         return NotIdentified(
             reason=f"the rod {ran}: at most {most:.0f} W, which the least power leaves"
         )
-    size = int(chosen.sum())
-    value = float(inside[chosen].mean())
-    scatter = float(inside[chosen].std(ddof=1)) / math.sqrt(size)
     copper = 3.0 * float(squares[chosen].mean()) * resistance.deviation
-    found = Estimate.of(value, scatter, size, common=copper)
-    if found.high - value > NORMAL_REACH * LEAST_SHARE * abs(value):
-        of_copper = ", most of it of the copper's part" if copper > scatter else ""
+    found = Estimate.mean(inside[chosen].tolist(), common=copper)
+    if found.high - found.value > NORMAL_REACH * LEAST_SHARE * abs(found.value):
+        mostly = 2.0 * copper**2 > found.deviation**2
         return NotIdentified(
-            reason=f"{value:.0f} W with a deviation of {found.deviation:.0f} W of {size} throws"
-            f"{of_copper}"
+            reason=f"{found.value:.0f} W with a deviation of {found.deviation:.0f} W of "
+            f"{found.count} throws" + ", most of it of the copper's part" * mostly
         )
     return found
 
