@@ -287,9 +287,10 @@ def write_bands(found: "xr.Dataset", output: Output) -> None:
 
 
 def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
-    """Return a length and its interval in millimetres."""
+    """Return a length and its interval in millimetres; one word where all is beyond."""
     low, high = (_millimetres(row[f"{name}_interval_{end}"]) for end in ("low", "high"))
-    return f"{_millimetres(row[name])} ({low} ... {high})"
+    value = _millimetres(row[name])
+    return value if value == low == high else f"{value} ({low} ... {high})"
 
 
 def write_map(
