@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from tests.unit.detection_throws import toy_map, toy_throws
 
+from turnout.cli.limit import write_map
+from turnout.cli.output import Output
 from turnout.detection.floor import touch_floor, touched
 from turnout.detection.limit.limit_map import limit_map, rows_of, size_weights, smallest_seen
 from turnout.detection.reference import Conditions, reference_study
@@ -140,6 +142,14 @@ def test_places_that_lie_together_have_one_label() -> None:
     assert len(at) == len(joined) == 12
     together = found.assign_coords(x=("place", np.full(found.sizes["place"], 0.3)))
     assert rendered(plot_limit(together), ".png").startswith(b"\x89PNG")
+
+
+def test_columns_of_the_screen_stand_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    found = limit_map(toy_throws(), Conditions(), closing=0.8)
+    found["a90"] = 11.1e-3 + 0.0 * found["a90"]
+    found["a90_low"], found["a90_high"] = found["a90"], np.nan * found["a90"]
+    write_map(found, None, Output("limit", files={"out": None, "plot": None}))
+    assert " 11.1   11.1 ... beyond  " in capsys.readouterr().out
 
 
 # ---- the touch floor

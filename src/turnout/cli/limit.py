@@ -283,7 +283,7 @@ def write_bands(found: "xr.Dataset", output: Output) -> None:
     )
     bands = ("low", "middle", "high")
     cells = ([row["place"], *(_with_ends(row, f"a90_{band}") for band in bands)] for row in rows)
-    output.lines(table({"place": -12, "5 %": 24, "middle": 24, "95 %": 24}, cells))
+    output.lines(table({"place": -12, "5 %": 24, "middle": 28, "95 %": 28}, cells))
 
 
 def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
@@ -343,7 +343,7 @@ def _map_lines(
         f"optimistic: place and size are known; {SIMULATED}"
     )
     alone = [str(name) for name in found["channel"].to_numpy()[1:]]
-    columns = {"place": -12, "x [m]": 7, "touch floor": 13, "a90 [mm]": 10, "95 %": 15}
+    columns = {"place": -12, "x [m]": 7, "touch floor": 13, "a90 [mm]": 10, "95 %": 18}
     columns |= {f"{name} alone": 16 for name in alone}
     yield from table(
         columns,
@@ -374,7 +374,7 @@ def _known_lines(
         "between the two"
     )
     cells = ([row["place"], *_interval(row, "known_a90")] for row in rows)
-    yield from table({"place": -12, "a90 [mm]": 10, "95 %": 15}, cells)
+    yield from table({"place": -12, "a90 [mm]": 10, "95 %": 18}, cells)
 
 
 def _end_lines(rows: "Sequence[Mapping[str, float | str | None]]") -> "Iterator[str]":
