@@ -15,7 +15,7 @@ from benchmarks.page import DOCS, EVIDENCE, put_section
 from turnout.figures.style import COLOURS, new_figure, rendered
 from turnout.machine.machine_file import load_machines, machine_names
 from turnout.machine.motor_kind import line_resistance
-from turnout.machine.steady import shaft_travel, supply_slopes
+from turnout.machine.steady import clutch_force, supply_slopes
 
 PER_100_WATT, PER_VOLT = (-97.0, -47.0), (23.0, 28.0)
 """Of six three-phase machines, 1,010 throws (SwitchMonitor, linhuanwen) [mA]."""
@@ -42,8 +42,7 @@ def library_slopes() -> Iterator[Slopes]:
     """Yield the slopes of each machine of the library."""
     for file in machine_names():
         for name, machine in load_machines(file).machine.items():
-            held = machine.clutch.torque * machine.gear.efficiency / shaft_travel(machine)
-            point, per_volt, per_watt = supply_slopes(machine, force=0.25 * held)
+            point, per_volt, per_watt = supply_slopes(machine, force=0.25 * clutch_force(machine))
             yield Slopes(
                 name,
                 "three-phase" if machine.motor.of_kind.alternating else "DC",

@@ -61,6 +61,11 @@ class Clutch(Record):
         None, gt=0, description="time constant of their cooling; default none [s]"
     )
 
+    @property
+    def slip_torque(self) -> float:
+        """Torque while it slips, as worn as it is, at ambient temperature [N m]."""
+        return self.torque * (1.0 - self.worn)
+
 
 class Gear(JudgedRecord):
     """All between the clutch and the rod, seen from the shaft."""
@@ -295,7 +300,7 @@ class Machine(JudgedRecord):
                 "begins with 0 and reaches 1 before its end, or a screw with lock.stroke"
             )
         else:
-            holds = self.clutch.torque * (1.0 - self.clutch.worn)
+            holds = self.clutch.slip_torque
             if self.lock_torque >= holds:
                 yield (
                     f"lock.force = {lock.force:g} N: takes {self.lock_torque:.4g} N m, the clutch "

@@ -129,7 +129,7 @@ def _gear_entries(machine: Machine) -> dict[int, float]:
     first, last = stroke.standing
     return {
         at.CLUTCH_STIFFNESS: clutch.stiffness,
-        at.CLUTCH_TORQUE: clutch.torque * (1.0 - clutch.worn),
+        at.CLUTCH_TORQUE: clutch.slip_torque,
         at.STATIC_RATIO: clutch.static_ratio,
         at.LEVEL_PER_KELVIN: clutch.temperature_coefficient,
         at.LEVEL_PER_JOULE: clutch.wear,

@@ -44,6 +44,11 @@ def shaft_travel(machine: Machine) -> float:
     return rod_position(machine_row(machine), stroke_table(machine.stroke), middle)[1]
 
 
+def clutch_force(machine: Machine) -> float:
+    """Return the force on the rod at which the clutch slips, in mid-stroke [N]."""
+    return machine.clutch.slip_torque * machine.gear.efficiency / shaft_travel(machine)
+
+
 def supply_slopes(machine: Machine, *, force: float) -> tuple[SteadyPoint, float, float]:
     """Return the point under a force, and the slopes of its current with voltage and load.
 
@@ -87,9 +92,7 @@ def supply_slopes(machine: Machine, *, force: float) -> tuple[SteadyPoint, float
 
 def slip_point(machine: Machine) -> SteadyPoint:
     """Return the steady point while the clutch slips."""
-    return steady_point(
-        machine, torque=machine.clutch.torque * (1 - machine.clutch.worn), drag=False
-    )
+    return steady_point(machine, torque=machine.clutch.slip_torque, drag=False)
 
 
 _ranges: LRUCache[tuple[float, float]] = LRUCache(64)
@@ -114,13 +117,12 @@ def load_range(machine: Machine) -> tuple[float, float] | None:
     >>> abs(current) < BLIND < power
     True
     """
-    clutch, gear = machine.clutch, machine.gear
-    key = (machine.motor, machine.supply, clutch.torque, clutch.worn, gear.drag)
+    level = machine.clutch.slip_torque
+    key = (machine.motor, machine.supply, level, machine.gear.drag)
     if machine.supply.phase_lost_at == 0.0:
         return None
     found = _ranges.get(key)
     if found is None:
-        level = clutch.torque * (1.0 - clutch.worn)
         low, high = (steady_point(machine, torque=share * level) for share in (0.1, 1.0))
         if low.stalled or high.stalled:
             return None
@@ -156,7 +158,7 @@ def stall_text(machine: Machine) -> str:
     """
     if not slip_point(machine).stalled:
         return ""
-    motor, level = machine.motor, machine.clutch.torque * (1.0 - machine.clutch.worn)
+    motor, level = machine.motor, machine.clutch.slip_torque
     kind, voltage = motor.of_kind, nominal_voltage(motor, machine.supply)
     most = kind.stall_torque(motor, voltage, line_resistance(machine.supply))
     shown = f"{kind.stall} {most:.3g} N m, clutch {level:.3g} N m"
@@ -171,9 +173,7 @@ def steady_lines(machine: Machine) -> list[str]:
     lost = machine.supply.phase_lost_at
     if lost == 0.0:
         return ["  none: one phase is lost from the start (supply.phase_lost_at = 0 s)"]
-    slip = slip_point(machine)
-    level = machine.clutch.torque * (1.0 - machine.clutch.worn)
-    held = level * machine.gear.efficiency / shaft_travel(machine)
+    slip, held = slip_point(machine), clutch_force(machine)
     rows = [f"  {'force, kN':>10}{'current, A':>12}{'shaft, rad/s':>14}{'rod, mm/s':>11}{'W':>8}"]
     for share in (0.0, 0.25, 0.5, 0.75):
         force = share * held

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import SharedResults
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table, with_lock_stroke
-from turnout.machine.steady import blind_text, shaft_travel, stall_text
+from turnout.machine.steady import blind_text, clutch_force, stall_text
 from turnout.mechanism.mechanism import DriveMachines, LawIndex, Wait
 from turnout.panel.markers import marker_offsets, movement_end, ordered_movements, start_level
 from turnout.panel.model import Panel
@@ -84,8 +84,7 @@ def slip_force(panel: Panel, name: str) -> float:
     machine = panel.machine[drive.machine]
     if machine.stroke.kind != "screw":  # a screw keeps its ratio
         machine = fitted_machine(panel, name)
-    level = machine.clutch.torque * (1.0 - machine.clutch.worn)
-    return level * machine.gear.efficiency / shaft_travel(machine)
+    return clutch_force(machine)
 
 
 def blind_currents(panel: Panel) -> dict[str, str]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.motor_kind import nominal_voltage
-from turnout.machine.steady import shaft_travel, steady_point, torque_for
+from turnout.machine.steady import clutch_force, shaft_travel, steady_point, torque_for
 from turnout.panel.markers import movement_time, ordered_movements
 from turnout.panel.model import Panel
 from turnout.solver.driven import Duty, MachineHistory, sum_machines
@@ -378,8 +378,7 @@ def local_gain(machine: Machine, quantity: str) -> tuple[Floats, Floats]:
     >>> bool(np.all((1e3 * gain > 0.1) & (1e3 * gain < 0.3)))  # A/kN
     True
     """
-    held = machine.clutch.torque * (1.0 - machine.clutch.worn) * machine.gear.efficiency
-    force = np.linspace(0.0, held / shaft_travel(machine), FORCES)
+    force = np.linspace(0.0, clutch_force(machine), FORCES)
     points = [steady_point(machine, torque=torque_for(machine, float(each))) for each in force]
     power = np.array([point.power for point in points])
     from_supply = machine.circuit.measured_current == "supply"
