@@ -399,6 +399,17 @@ NUMBERS: list[Kind] = [
     ("numbers: comma twice", "Zeit (s),Force (kN)\n" + "".join(
         f"{german(n * STEP)},{german(f)}\n" for n, f in enumerate(FORCE)),
      ("the comma parts its columns and its decimals",)),
+    ("numbers: comma twice, whole numbers", "Zeit (s),Force (N)\n" + "".join(
+        f"{german(n * STEP / 2)},{round(1e3 * f)}\n" for n, f in enumerate(FORCE)),
+     ("the comma parts its columns and its decimals",)),
+    ("numbers: a name too few, a constant in front", "Sample rate: 25 Hz\nForce,Current\n"
+     + "".join(f"1,{n * n % 7},{n * n % 5}\n" for n in range(COUNT)),
+     ("line 2 has 2 names for 3 columns",)),
+    ("numbers: comma twice, stamps", "Zeit,Force (kN),Current (A)\n"
+     + rows(time=moment("%d.%m.%Y %H:%M:%S.%f"), number=german),
+     ("the comma parts its columns and its decimals",)),
+    ("numbers: comma twice, no names", f"Sample rate: 25 Hz\n{rows(number=german)}",
+     ("the comma parts its columns and its decimals",)),
     ("numbers: rows are channels", "".join(
         ",".join([name, *(f"{v}" for v in values)]) + "\n" for name, values in (
             ("Time (s)", np.round(np.arange(COUNT) * STEP, 2)), ("Force [kN]", FORCE),
@@ -587,6 +598,8 @@ THROWS: list[Kind] = [
 TEXTS: list[Kind] = [*RATES, *TIMES, *STAMPS, *NUMBERS, *LOGGERS, *THROWS]
 
 REMARKS: list[tuple[str, str, tuple[str, ...]]] = [
+    ("whole numbers below a statement", "Sample rate,25\n" + "".join(
+        f"{n * n % 7},{n * n % 5},{n * n % 13},{n * n % 11}\n" for n in range(COUNT)), ()),
     *((f"{line}, beside times", f"{line}\n{HEAD}{rows(time=seconds)}", ())
       for line in ("Duration: 10 s", "Frequency: 50 Hz", "Clock rate: 1 MHz", "Record time: 10 s")),
     ("rows above the table", "1,2\n3,4\n5,6\n" + HEAD + rows(time=seconds),

@@ -193,8 +193,8 @@ def _layout(sample: bytes) -> TextLayout:
     if max(loose, default=0) > _MOST_LOOSE_ROWS:
         message = "holds tables of different widths; save each in a file of its own"
         raise ValueError(message)
-    names = max((len(cells) for cells in above), default=0)
-    if separator == "," and 2 * names == width and not any("." in c for r in table for c in r):
+    names = [len(cells) for cells in above if not any(is_number(cell, ".") for cell in cells)]
+    if separator == "," and _parts_decimals(table, max(names, default=0)):
         message = "the comma parts its columns and its decimals; export it with semicolons"
         raise ValueError(message)
     filled = width < 2 or any(cells[-1] for cells in table)
@@ -408,6 +408,24 @@ def _loose_rows(above: Sequence[Sequence[str]], width: int, decimal: str) -> lis
     return [count for size, count in runs if size > 1 and size != width]
 
 
+def _parts_decimals(table: Sequence[Sequence[str]], names: int) -> bool:
+    """Return True if the comma between the columns of a table is its decimal mark as well.
+
+    There are fewer names than columns, and digits behind a mark often begin with a zero.
+    """
+    if any("." in cell and not is_stamp(cell) for cells in table for cell in cells):
+        return False
+    width = len(table[0])
+    behind = [
+        column for column in list(zip(*table, strict=True))[1:] if all(map(str.isdigit, column))
+    ]
+    zeros = any(
+        len({*map(len, column)}) == 1 < len(column[0]) < 6 and any(c[0] == "0" for c in column)
+        for column in behind
+    )
+    return names + 1 < width <= 2 * names or (zeros and names < width)
+
+
 def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
     """Return True if the first column may lack a name: texts, an index, or a date before a time."""
     first = [cells[0] for cells in table]
@@ -416,7 +434,8 @@ def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
     if not any(value_weight(cell, decimal) for cell in first):
         return True
     plain = all(cell.isdigit() and len(cell) < 16 for cell in first)
-    return plain and len({int(b) - int(a) for a, b in pairwise(first)}) == 1
+    steps = {int(b) - int(a) for a, b in pairwise(first)} if plain else set()
+    return len(steps) == 1 and steps != {0}
 
 
 def _heading_rows(lines: Sequence[str], separator: str, width: int) -> list[list[str]]:
