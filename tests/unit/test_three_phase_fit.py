@@ -253,6 +253,13 @@ def test_copper_that_would_take_all_of_the_power_is_refused() -> None:
         fit_of(bad(campaign(throws=60), "power", 2.0 / 3.0))
 
 
+def test_a_direct_current_is_none_of_three_phases() -> None:
+    data = campaign(throws=10)
+    power = data["drive_voltage"] * data["drive_current"]
+    with pytest.raises(MeasurementError, match="P is U I in all throws: direct current"):
+        fit_of(data.assign(drive_power=power))
+
+
 def test_too_few_throws_and_unknown_names_are_refused() -> None:
     with pytest.raises(MeasurementError, match="runs steadily in 5 movements, 8 are needed"):
         fit_of(campaign(throws=5))

@@ -24,6 +24,9 @@ at least so much of the running current [-]."""
 LEAST_FACTOR = 0.1
 """Least power factor of running machines, median of throws: stators of 6 to 9 ohm take 0.06 to 0.09
 alone. Below, power is of one phase or in another unit [-]."""
+DIRECT = 5e-3
+"""Largest share by which P and U I of a direct current differ; a power factor of 1/sqrt(3) in all
+throws, whatever their load, is none of three phases [-]."""
 CURRENT_RANGE = (0.1, 100.0)
 """Running current of a point machine, least and most; beyond, it has another unit [A]."""
 VOLTAGE_RANGE = (0.7, 1.4)
@@ -169,7 +172,10 @@ def contradictions(
                 "phase that is missing, or voltages of a phase to neutral"
             )
             return
-    if factors and (factor := float(np.median(factors))) < LEAST_FACTOR:
+    direct = [math.sqrt(3.0) * factor - 1.0 for factor in factors if voltages]
+    if direct and max(map(abs, direct)) < DIRECT:
+        yield f"drive {drive}: P is U I in all throws: direct current; leave out --three-phase"
+    elif factors and (factor := float(np.median(factors))) < LEAST_FACTOR:
         yield (
             f"drive {drive}: power factors are {LEAST_FACTOR:g} and more, this is {factor:.2g}: "
             + ONE_PHASE
