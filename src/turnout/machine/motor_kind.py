@@ -1,7 +1,7 @@
 """Motors of point machines: their record, and a class for each kind.
 
 A class of `MOTOR_KINDS` is all there is to a kind: which values it has, which circuit of
-`turnout.machine.compute.places` it is to the kernels and with which numbers, its steady points, its
+`turnout.machine.compute.motor` it is to the kernels and with which numbers, its steady points, its
 words, and what of a machine means nothing to it.
 """
 
@@ -34,6 +34,7 @@ from turnout.core.quantity import (
 from turnout.core.units import SI
 from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import gamma_energy, gamma_impedance, main_excess
+from turnout.machine.compute.motor import CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE
 
 Floats = NDArray[np.float64]
 
@@ -288,7 +289,7 @@ class MotorKind:
         """Return constants of the kernels that this kind has, by their place."""
         voltage, factor = nominal_voltage(motor, supply), copper_factor(motor)
         return {
-            at.MOTOR_CIRCUIT: at.CONSTANT_FIELD,
+            at.MOTOR_CIRCUIT: CONSTANT_FIELD,
             at.MOTOR_CONSTANT: self.constant(motor, voltage, factor),
             at.FIELD_POWER: voltage * self.field_current(motor, voltage, factor),
         }
@@ -403,7 +404,7 @@ class Series(MotorKind):
     def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
         """Return constants of the kernels that this kind has, by their place."""
         return super().places(motor, supply) | {
-            at.MOTOR_CIRCUIT: at.SERIES_FIELD,
+            at.MOTOR_CIRCUIT: SERIES_FIELD,
             at.INVERSE_SATURATION: 1.0 / (motor.saturation_current or math.inf),
         }
 
@@ -432,7 +433,7 @@ class Induction(MotorKind):
         """Return constants of the kernels that this kind has, by their place."""
         iron = motor.iron_resistance
         return {
-            at.MOTOR_CIRCUIT: at.THREE_PHASE,
+            at.MOTOR_CIRCUIT: THREE_PHASE,
             at.OPEN_AFTER: 1.0,
             at.STEADY_CIRCUIT: float(not motor.transient),
             at.PHASE_VOLTAGE: math.sqrt(2.0 / 3.0) * nominal_voltage(motor, supply),

@@ -9,8 +9,8 @@ Every term but the set-valued one is continuous and does not fall with w1, and J
 one solution, which a Newton iteration inside a bracket always finds. float64 throughout; torques
 [N m], speeds [rad/s], positive in the closing direction.
 
-A motor has one of the circuits of `turnout.machine.compute.places`, with brushes here or with three
-phases in `turnout.machine.compute.induction`; the functions above `clutch_torque` tell them apart.
+A motor has one of the circuits below, with brushes here or with three phases in
+`turnout.machine.compute.induction`; the functions above `clutch_torque` tell them apart.
 """
 
 import math
@@ -31,6 +31,8 @@ from turnout.machine.compute.induction import (
     stored_in_stage,
 )
 
+(CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
+"""Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
 ITERATIONS = 60
 ROUNDING = 4e-14
 """Residual, as a share of the sum of its terms, that counts as zero."""
@@ -42,13 +44,13 @@ Curve = tuple[float, float, float, float, float]
 @compiled_part
 def is_three_phase(constants: Floats) -> bool:
     """Return whether the motor is an induction motor."""
-    return bool(constants[at.MOTOR_CIRCUIT] == at.THREE_PHASE)
+    return bool(constants[at.MOTOR_CIRCUIT] == THREE_PHASE)
 
 
 @compiled_part
 def supplied_voltage(constants: Floats, direction: float) -> float:
     """Return the voltage behind the contactor, which reverses a constant field alone [V]."""
-    reverses = direction < 0.0 and constants[at.MOTOR_CIRCUIT] == at.CONSTANT_FIELD
+    reverses = direction < 0.0 and constants[at.MOTOR_CIRCUIT] == CONSTANT_FIELD
     return float(-constants[at.VOLTAGE] if reverses else constants[at.VOLTAGE])
 
 
@@ -121,7 +123,7 @@ def motor_torque(
     k, drop = constants[at.MOTOR_CONSTANT], constants[at.BRUSH_DROP]
     r = constants[at.INDUCTANCE] / g + state[at.CIRCUIT_RESISTANCE] + state[at.BRUSH_RESISTANCE]
     q = net_voltage(state) + constants[at.INDUCTANCE] / g * current
-    if constants[at.MOTOR_CIRCUIT] == at.CONSTANT_FIELD:
+    if constants[at.MOTOR_CIRCUIT] == CONSTANT_FIELD:
         q -= k * w1
         if abs(q) <= drop:
             return 0.0, 0.0, 0.0

@@ -6,7 +6,7 @@ the closing direction. Flags are 0.0 or 1.0.
 
 # --- constants of a machine ------------------------------------------------------------------
 (
-    MOTOR_CIRCUIT,  # of the motor: CONSTANT_FIELD, SERIES_FIELD or THREE_PHASE
+    MOTOR_CIRCUIT,  # one of `turnout.machine.compute.motor`
     VOLTAGE,  # of the supply [V]
     RESISTANCE,  # of the copper in the motor circuit, at its temperature [ohm]
     LINE_RESISTANCE,  # of line and supply [ohm]
@@ -75,8 +75,6 @@ the closing direction. Flags are 0.0 or 1.0.
     CONSTANTS,
 ) = range(67)
 
-(CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
-"""Circuits of motors: torque k i; K i^2/(1 + |i|/i_s); that of the Gamma model."""
 (SCREW, CRANK, TABLE) = range(3)
 """Kinds of stroke: rod position over shaft angle."""
 
