@@ -268,9 +268,9 @@ def _line(
     series: float | None,
     slip_current: float,
 ) -> LoadLine | NotIdentified:
-    if all(item.load is None for item in items):
+    with_force = [s for s, item in zip(spans, items, strict=True) if item.has_load]
+    if not with_force:
         return NotIdentified(reason="no force was measured at this drive")
-    with_force = [s for s, item in zip(spans, items, strict=True) if item.load is not None]
     return fit_load_line(
         with_force,
         saturation_current=series,

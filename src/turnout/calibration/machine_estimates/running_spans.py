@@ -1,7 +1,7 @@
 """When the motors of a campaign ran, ran steadily and slipped: cut from currents."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -32,16 +32,21 @@ SLIP_BAND, LEAST_SLIP = 0.02, 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ran:
-    """A motor that ran: samples of one drive in one movement at every `STEP`."""
+    """A motor that ran: samples of one drive in one movement at every `STEP`.
 
-    name: str
+    Loads of its span are NaN where no force was measured; `on` and `off` are when it ran [s].
+    """
+
+    span: RunningSpan
     number: int
     time: Floats
-    current: Floats
-    load: Floats | None
-    others: Floats | None
     on: float
     off: float
+
+    @property
+    def has_load(self) -> bool:
+        """True if the force on its rod was measured."""
+        return not bool(np.isnan(self.span.load).all())
 
 
 def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[Ran]:
@@ -59,7 +64,7 @@ def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[Ran]:
         if ran is None:
             continue
         freed, on, off = ran
-        load = others = None
+        load = others = np.full(freed.size, np.nan)
         if "drive_force" in campaign:
             forces = sign * one["drive_force"].transpose("drive", "time").values[:, kept]
             row = list(map(str, campaign["drive"].values)).index(drive)
@@ -67,18 +72,15 @@ def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[Ran]:
                 load = forces[row]
                 others = np.nansum(np.delete(forces, row, axis=0), axis=0)
         every = slice(None, None, max(1, round(STEP / float(time[1] - time[0]))))
-        found.append(
-            Ran(
-                name=str(one["movement"].values),
-                number=int(number),
-                time=time[kept][every],
-                current=freed[every],
-                load=load[every] if load is not None else None,
-                others=others[every] if others is not None else None,
-                on=on,
-                off=off,
-            )
+        at = time[kept][every]
+        span = RunningSpan(
+            name=str(one["movement"].values),
+            current=freed[every],
+            load=load[every],
+            others=others[every],
+            usable=(at >= on + SETTLED) & (at <= off - MARGIN),
         )
+        found.append(Ran(span=span, number=int(number), time=at, on=on, off=off))
     return found
 
 
@@ -109,29 +111,16 @@ def steady_and_slipping(
     """Cut the movements into steady running and slipping."""
     spans, levels = [], []
     for item in items:
-        usable = (item.time >= item.on + SETTLED) & (item.time <= item.off - MARGIN)
+        span = item.span
         if item.off - item.on > usual + OVERRUN:
             until = np.flatnonzero(item.time <= item.off - MARGIN)
-            last = float(np.median(item.current[until[-round(0.4 / STEP) :]]))
-            off = np.flatnonzero(np.abs(item.current[until] - last) > SLIP_BAND * last)
+            last = float(np.median(span.current[until[-round(0.4 / STEP) :]]))
+            off = np.flatnonzero(np.abs(span.current[until] - last) > SLIP_BAND * last)
             first = until[off[-1]] + round(0.2 / STEP) if off.size else until[0]
             slips = slice(first, until[-1] + 1)
             if (slips.stop - slips.start) * STEP >= LEAST_SLIP:
-                held = item.load[slips] if item.load is not None else None
-                levels.append(
-                    slip_level(
-                        item.name, number=item.number, current=item.current[slips], held=held
-                    )
-                )
-                usable &= item.time < item.time[first] - 0.4
-        unknown = np.full(item.time.size, np.nan)
-        spans.append(
-            RunningSpan(
-                name=item.name,
-                current=item.current,
-                load=item.load if item.load is not None else unknown,
-                others=item.others if item.others is not None else unknown,
-                usable=usable,
-            )
-        )
+                current, held = span.current[slips], span.load[slips] if item.has_load else None
+                levels.append(slip_level(span.name, number=item.number, current=current, held=held))
+                span = replace(span, usable=span.usable & (item.time < item.time[first] - 0.4))
+        spans.append(span)
     return spans, levels
