@@ -425,6 +425,16 @@ NUMBERS: list[Kind] = [
     ("numbers: overloads in the first rows",
      "Sample rate: 25 Hz\nForce,Current\nOVL,OVL\n***,***\n" + rows(count=38),
      {"Force": (25.0, 0.0), "Current": (25.0, 0.0)}),
+    ("numbers: an overload in the first cell",
+     f"Sample rate: 25 Hz\nCurrent,Force\n***,{FORCE[0]}\n" + "".join(
+         f"{c},{f}\n" for c, f in zip(CURRENT[1:], FORCE[1:], strict=True)),
+     {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    ("numbers: a current called I falls in whole numbers", "Sample rate: 25 Hz\nForce,I in mA\n"
+     + "".join(f"{f},{4000 - n * n}\n" for n, f in enumerate(FORCE)),
+     {"Force": (25.0, 0.0), "I": (25.0, 0.0)}),
+    ("time: Tempo beside a time falls and is a channel", "Time (s),Force,Tempo\n" + "".join(
+        f"{n * STEP:.2f},{f},{CURRENT[n]}\n" for n, f in enumerate(FORCE)),
+     {"Force": (25.0, 0.0), "Tempo": (25.0, 0.0)}),
     ("numbers: first row unreadable, whole numbers",
      "Time (s),Force\nx7,3\n0.00,1\n0.04,2\n0.08,4\n", ("line 2", "'x7'")),
     ("numbers: a column with an empty line",

@@ -143,8 +143,13 @@ def is_numbered_channel(
     timed = is_time_unit(unit.partition(" since ")[0])
     if timed or re.fullmatch(r"\D+\d{1,2}", squeezed(name)) is None:
         return False
+    return beside or not mostly_rises(values)
+
+
+def mostly_rises(values: NDArray[np.floating]) -> bool:
+    """Return True if nearly all steps are up, as in a column of times with faults among them."""
     steps = np.diff(values)
-    return beside or int(np.count_nonzero(steps > 0)) < _LEAST_RISING * steps.size
+    return int(np.count_nonzero(steps > 0)) >= _LEAST_RISING * steps.size
 
 
 def unit_in_name(name: str) -> str:

@@ -31,6 +31,7 @@ from turnout.measurement.formats.clock import (
     is_time_name,
     is_time_unit,
     is_time_word,
+    mostly_rises,
     seconds_of,
     squeezed,
     unit_in_name,
@@ -367,6 +368,7 @@ def _name_axes(table: Table) -> None:
             not (named or by_unit or place in days)
             or (letter and column.unit and not timed)
             or is_numbered_channel(column.name, given, unit=column.unit, beside=beside)
+            or ((table.axes or rate is not None) and not timed and not mostly_rises(given))
             or (letter and not timed and not may_be_time(given, column.name, rate=single))
         ):
             continue
@@ -458,4 +460,5 @@ def counts_throws(values: Floats) -> bool:
     if values.size < 2 or not np.isfinite(values).all():
         return False
     parts = np.split(values, restarts(values))
-    return all(part.size < 2 or counts(part) for part in parts)
+    counting = [part for part in parts if part.size > 1]
+    return 2 * len(counting) >= len(parts) and all(map(counts, counting))

@@ -551,7 +551,7 @@ def _first_row(
         if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
             continue  # a label above an empty first column
         if value_weight(cells[first], decimal) or number == fitting[-1]:
-            return _with_gaps_above(rows, number, width)
+            return _with_gaps_above(rows, number, width, decimal)
     return fitting[0]
 
 
@@ -559,11 +559,11 @@ def _are_words(cells: Sequence[str], width: int) -> bool:
     return len(cells) == width and all(c[:1].isalpha() and not is_missing(c) for c in cells)
 
 
-def _with_gaps_above(rows: Sequence[Sequence[str]], number: int, width: int) -> int:
-    """Return the first row of a table that begins with overloads in all columns."""
+def _with_gaps_above(rows: Sequence[Sequence[str]], number: int, width: int, decimal: str) -> int:
+    """Return the first row of a table that begins with overloads."""
     while number and len(rows[number - 1]) == width:
         filled = [cell for cell in rows[number - 1] if cell]
-        if not filled or not all(is_missing(cell) for cell in filled):
+        if not filled or not all(is_missing(c) or value_weight(c, decimal) for c in filled):
             break
         number -= 1
     return number
