@@ -435,6 +435,13 @@ NUMBERS: list[Kind] = [
     ("time: Tempo beside a time falls and is a channel", "Time (s),Force,Tempo\n" + "".join(
         f"{n * STEP:.2f},{f},{CURRENT[n]}\n" for n, f in enumerate(FORCE)),
      {"Force": (25.0, 0.0), "Tempo": (25.0, 0.0)}),
+    ("numbers: decimal commas without names", f"Sample rate: 25 Hz\n{rows(';', number=german)}",
+     dict.fromkeys(("column 1", "column 2"), (25.0, 0.0))),
+    ("numbers: a title of as many words as columns and one more", "Measurement of switch 12\n"
+     + rows("\t", time=seconds), {"column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),
+    ("numbers: a first row without its last cell", "Time (s);Force;Current;Power\n0.00;1.5;2.5\n"
+     + "".join(f"{n * STEP:.2f};{f};{f};{f}\n" for n, f in enumerate(FORCE)),
+     ("line 2 has fewer or more cells than the table",)),
     ("numbers: first row unreadable, whole numbers",
      "Time (s),Force\nx7,3\n0.00,1\n0.04,2\n0.08,4\n", ("line 2", "'x7'")),
     ("numbers: a column with an empty line",

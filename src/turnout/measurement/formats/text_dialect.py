@@ -370,6 +370,8 @@ def _refuse_numbers(line: int, cells: list[str], decimal: str | None, *, below: 
         message = (
             f"line {line}: '{wrong[:40]}' is not a number, in a row of numbers above the table"
         )
+        if wrong.startswith((SHORT, LONG)):
+            message = f"line {line} has fewer or more cells than the table; give all rows the same"
         raise ValueError(message)
 
 
@@ -469,6 +471,8 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
     for separator, marks in DECIMAL_MARKS.items():
         if best is not None and not any(separator in line for line in lines):
             continue
+        if separator == " " and best is not None and best[0] == "\t" and best[3] > 1:
+            continue  # blanks within cells
         rows = [split_line(line, separator) for line in lines]
         for decimal in marks:
             if decimal == "," and not any("," in cell for cells in rows for cell in cells):
@@ -487,13 +491,19 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
                 last = last[:-1]
             near = width > 2 and abs(len(last) - width) == 1
             fits = 3 if not heading or whole or len(last) == width else 2 if near else 1
-            fits = 1 if heading and shares[row - 1] >= 0.5 else fits
+            fits = 1 if heading and (shares[row - 1] >= 0.5 or _are_numbers(last)) else fits
             table = zip(rows[row:], shares[row:], strict=True)
             total = sum(share * share for cells, share in table if len(cells) == width)
             score = (round(total * fits, 6), width)
             if score > best_score:
                 best, best_score = (separator, decimal, row, width), score
     return best
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    """Return True if all cells are numbers, whatever the decimal mark of each."""
+    plain = [plain_sign(cell) for cell in cells]
+    return bool(plain) and all(any(p.fullmatch(c) for p in PLAIN.values()) for c in plain)
 
 
 def split_line(line: str, separator: str) -> list[str]:
