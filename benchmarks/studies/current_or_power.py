@@ -78,22 +78,28 @@ def section(found: list[Slopes]) -> list[str]:
 
 
 def draw(found: list[Slopes]) -> Figure:
-    """Draw both slopes of each three-phase machine beside the range on record."""
+    """Draw both slopes of each machine beside the range on record, which is of three phases."""
     figure, axes = new_figure(2)
-    shown = [s for s in found if s.kind == "three-phase"]
-    names = [s.name for s in shown]
-    rows = (
-        ("mA per 100 W\nof load", PER_100_WATT, [s.per_100_watt for s in shown]),
-        ("mA per volt\nof supply", PER_VOLT, [s.per_volt for s in shown]),
-    )
-    for ax, (label, span, values) in zip(axes, rows, strict=True):
-        ax.axhspan(*span, color="0.85", label="machines on record")
+    kinds = {"three-phase": ("o", COLOURS[0]), "DC": ("s", COLOURS[1])}
+    rows = (("mA per 100 W\nof load", PER_100_WATT), ("mA per volt\nof supply", PER_VOLT))
+    for ax, (label, span) in zip(axes, rows, strict=True):
+        ax.axhspan(*span, color="0.85", label="three-phase machines on record")
         ax.axhline(0.0, color="0.5", linewidth=0.6)
-        ax.plot(names, values, "o", color=COLOURS[0], label="library")
+        for kind, (marker, colour) in kinds.items():
+            own = [s for s in found if s.kind == kind]
+            values = [s.per_100_watt if ax is axes[0] else s.per_volt for s in own]
+            style = {"linestyle": "", "color": colour, "label": f"library, {kind}"}
+            ax.plot([s.name for s in own], values, marker, **style)
         ax.set_ylabel(label)
-        ax.margins(x=0.2, y=0.2)
-    axes[0].set_title("Current or power? The current of three-phase machines falls with the load")
-    axes[0].legend(loc="upper right", frameon=False)
+        ax.margins(x=0.05, y=0.2)
+    axes[0].set_yscale("symlog", linthresh=100.0)
+    ticks = (-100, -50, 0, 50, 100, 500, 1000)
+    axes[0].set_yticks(ticks, [f"{tick:+d}" if tick else "0" for tick in ticks])
+    axes[0].set_ylim(-150.0, 1500.0)
+    axes[0].set_title(
+        "Current or power? With load a current of three phases falls, a direct one rises"
+    )
+    axes[1].legend(loc="lower left", frameon=False, fontsize=8)
     return figure
 
 
