@@ -39,7 +39,8 @@ RECENT = 64
 class Pace:
     """Counts throws of several kinds, and expects those left to take as long as others of theirs.
 
-    A kind of which there is none yet is expected to take as long as those that are known. The first
+    One of a kind of which there is none yet is expected to take as long as one of those that are
+    known, or as many times longer as planned. The first
     ones of each process, for which it reduces rails, take several times as long as others: usual is
     the mean of the later half of what is known. The time until the first began does not count.
 
@@ -53,13 +54,26 @@ class Pace:
         self._report = report
         self._rest, self._later = Counter[str](), Counter[str]()
         self._costs: dict[str, deque[float]] = {}
-        self._there, self._made, self._failed, self._work = 0, 0, 0, 0.0
+        self._like: dict[str, float] = {}
+        self._there, self._made, self._failed = 0, 0, 0
+        self._work, self._alike = 0.0, 0.0
         self._stage = ""
         self._began = self._counted = time.monotonic()
 
-    def plan(self, kind: str, throws: int) -> None:
-        """Expect at least so many throws after those that were begun."""
+    def plan(self, kind: str, throws: int, *, like: float = 1.0) -> None:
+        """Expect at least so many throws after those that were begun.
+
+        Parameters
+        ----------
+        kind : str
+            Of what is counted.
+        throws : int
+            How many.
+        like : float
+            How many throws of other kinds one takes as long as, until one is known [-].
+        """
         self._later[kind] = max(self._later[kind], throws)
+        self._like[kind] = like
 
     def begin(self, kind: str, throws: int, *, there: int = 0) -> None:
         """Expect throws that are made now, of which some are there already."""
@@ -90,6 +104,7 @@ class Pace:
         self._made += throws
         self._failed += failed
         self._work += cost
+        self._alike += throws * self._like.get(kind, 1.0)
         self._costs.setdefault(kind, deque(maxlen=RECENT)).append(cost / max(throws, 1))
         self._stage = kind
         self.emit()
@@ -106,9 +121,12 @@ class Pace:
         rest = +(self._rest + self._later)
         left = 0.0 if not rest else float("inf")
         if rest and self._work:
-            usual = self._work / self._made
             costs = {kind: _usual(found) for kind, found in self._costs.items()}
-            work = sum(count * costs.get(kind, usual) for kind, count in rest.items())
+            usual = self._work / self._alike
+            work = sum(
+                count * costs.get(kind, usual * self._like.get(kind, 1.0))
+                for kind, count in rest.items()
+            )
             whole = (self._counted - self._began) * work / self._work
             left = max(whole - (now - self._counted), 0.0)
         done = self._there + self._made

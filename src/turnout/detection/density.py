@@ -71,12 +71,15 @@ def sums_of_groups(
     [[5.0, 9.0], [3.0, 3.0]]
     """
     highest = values.max(axis=0)
-    scaled = np.maximum(values - highest, LEAST)
-    scaled /= temper
-    np.exp(scaled, out=scaled)
-    tempered = highest / temper + np.log(np.add.reduceat(scaled, starts, axis=0))
-    np.power(scaled, temper, out=scaled)  # faster than another exponential
-    return highest + np.log(np.add.reduceat(scaled, starts, axis=0)), tempered
+    whole, tempered = np.empty((2, len(starts), values.shape[1]))
+    for group, rows in enumerate(np.split(values, starts[1:])):
+        scaled = np.maximum(rows - highest, LEAST)
+        scaled /= temper
+        np.exp(scaled, out=scaled)
+        scaled.sum(axis=0, out=tempered[group])
+        np.power(scaled, temper, out=scaled)  # faster than another exponential
+        scaled.sum(axis=0, out=whole[group])
+    return highest + np.log(whole), highest / temper + np.log(tempered)
 
 
 LEAST = -600.0

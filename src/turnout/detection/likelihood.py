@@ -44,6 +44,10 @@ REACH = 1.5
 """A signature is used at centres nearer than so many spacings of centres [-]."""
 
 
+ROWS_AT_ONCE = 500
+"""Components of some fifty throws that stay in the processor's caches while they are weighed."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Signatures:
     """Changes that causes made in simulated throws.
@@ -401,16 +405,18 @@ def _weighed(white: Floats, back: Singles, hypotheses: Hypotheses) -> Evidence:
     for block in hypotheses.blocks:
         seen = projected[:, block.centres].reshape(len(projected), -1)
         np.matmul(block.change, seen, out=along[block.rows].reshape(len(block.change), -1))
-    off = along.take(hypotheses.order, axis=0) - hypotheses.square
-    square = own.take(hypotheses.place, axis=0)
-    square -= hypotheses.square
-    gained = hypotheses.tight * off
-    gained += 2.0
-    gained *= off
-    square -= gained
-    np.maximum(square, 0.0, out=square)
-    component = log_density(square, size=size)
-    component += hypotheses.log_scale
+    off, square, component = np.empty((3, *along.shape))
+    for first in range(0, len(along), ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        length, tight = hypotheses.square[rows], hypotheses.tight[rows]
+        left = np.subtract(along.take(hypotheses.order[rows], axis=0), length, out=off[rows])
+        gained = tight * left
+        gained += 2.0
+        gained *= left
+        gained += length
+        left = np.subtract(own.take(hypotheses.place[rows], axis=0), gained, out=square[rows])
+        np.maximum(left, 0.0, out=left)
+        component[rows] = log_density(left, size=size) + hypotheses.log_scale[rows]
     kind, tempered = np.full((2, hypotheses.kinds, throws), -np.inf)
     found = sums_of_groups(component, hypotheses.starts, temper=TEMPER)
     kind[hypotheses.used], tempered[hypotheses.used] = found

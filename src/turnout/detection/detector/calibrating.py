@@ -5,8 +5,8 @@ Each throw is used several times, with its own discrepancy, noise and timing.
 
 import itertools
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -17,13 +17,14 @@ from turnout.core.workers import Workers
 from turnout.detection.alarm_threshold import RATES, thresholds_of
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
-    Missed,
+    Answers,
     Misses,
     Tried,
+    answers_of,
     factor_of,
     factor_of_objects,
     level_of_places,
-    misses_of,
+    missed_of,
     reach_of_call,
     sides_of,
 )
@@ -205,6 +206,7 @@ def calibrate_alone(
     draws: int = 16,
     seed: int = 0,
     workers: Workers | None = None,
+    pace: Pace | None = None,
 ) -> Calibrated:
     """Return what holds without a history, from single throws of many switches.
 
@@ -223,44 +225,68 @@ def calibrate_alone(
         Of chance.
     workers : Workers, optional
         Processes, which take a fold each.
+    pace : Pace, optional
+        Counts the folds.
     """
-    share = INTERVALS // len(folds)
+    share, pace = INTERVALS // len(folds), pace or Pace()
+    pace.begin(kind := thresholds_after(0, part), len(folds))
     jobs = [
         partial(_judge_alone, fold, part=part, draws=draws, share=share, seed=seed + FOLD_SEED * n)
         for n, fold in enumerate(folds)
     ]
-    workers = workers or Workers(0)
-    found = dict(workers.run(jobs))
-    made = [found[number] for number in range(len(folds))]
-    judged = [item for own, _ in made for item in own]
+    made = dict[int, _Judging]()
+    for number, (judging, cost) in (workers or Workers(0)).run(jobs):
+        made[number] = judging
+        pace.count(kind, cost=cost)
     switches = sum(len(np.unique(fold.sound.switch)) for fold in folds)
-    return _calibrated(
-        folds,
-        Calibrated(part=part, history=0, thresholds={}, throws=0, switches=switches),
-        judged=[np.concatenate(item) for item in zip(*judged, strict=True)],
-        group=np.concatenate([fold.group for fold in folds for _ in range(draws)]),
-        tried=[(number, None, held) for number, (_, held) in enumerate(made)],
-        workers=workers,
-    )
+    usual = Calibrated(part=part, history=0, thresholds={}, throws=0, switches=switches)
+    return _calibrated(folds[0].knowledge, usual, [made[number] for number in range(len(folds))])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Judging:
+    """Judgements of throws that a detector did not learn from.
+
+    Attributes
+    ----------
+    sound : Judged
+        Of sound throws.
+    group : ndarray of int, shape (n_sound,)
+        Of their switches.
+    answers : list of Answers
+        Of some, and of throws with objects.
+    """
+
+    sound: Judged
+    group: NDArray[np.intp]
+    answers: list[Answers]
 
 
 def _judge_alone(
     fold: Fold, *, part: str, draws: int, share: int, seed: int
-) -> tuple[list[Judged], list[Tried]]:
-    """Judge the sound throws of a fold, and draw throws for widths of intervals."""
-    errors, tried = _errors(fold.knowledge, seed), list[Tried]()
+) -> tuple[_Judging, float]:
+    """Judge the sound throws of a fold; return the time of that too [s]."""
+    errors, tried, began = _errors(fold.knowledge, seed), list[Tried](), time.perf_counter()
     view = make_view(fold.knowledge, part=part)
-    judged = [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
+    sound = [_said_of_sound(view, measured(fold.sound, errors)) for _ in range(draws)]
     for _ in range(INTERVAL_DRAWS):
         for throws in (fold.sound, fold.objects):
             some = throws.of(errors.rng.permutation(len(throws.level))[:share])
             tried.append(errors.tried(measured(some, errors), some))
-    return judged, tried
+    judging = _Judging(
+        sound=_joined(sound),
+        group=np.tile(fold.group, draws),
+        answers=answers_of(fold.knowledge, view, tried, least=LEAST_THRESHOLD),
+    )
+    return judging, time.perf_counter() - began
+
+
+def _joined(judged: Iterable[Judged]) -> Judged:
+    alarm, causes, square, irregularity = map(np.concatenate, zip(*judged, strict=True))
+    return alarm, causes, square, irregularity
 
 
 FOLD_SEED = 1000
-Group = tuple[int, Expectation | None, list[Tried]]
-"""Throws that widths are taken from: fold, what was expected of their switch, and the throws."""
 
 
 def _errors(knowledge: Knowledge, seed: int) -> Errors:
@@ -268,9 +294,9 @@ def _errors(knowledge: Knowledge, seed: int) -> Errors:
     return Errors(knowledge.errors(), part=knowledge.layout.part, rng=rng)
 
 
-def thresholds_after(history: int) -> str:
-    """Return the name of what is counted while thresholds are taken."""
-    return f"thresholds after {history} throws"
+def thresholds_after(history: int, part: str = CYCLE) -> str:
+    """Name what is counted while thresholds are taken."""
+    return f"thresholds after {history} throws" if history else f"thresholds of the {part}"
 
 
 def calibrate_history(
@@ -319,45 +345,30 @@ def calibrate_history(
     """
     numbers, pace, workers = np.unique(throws.switch), pace or Pace(), workers or Workers(0)
     pace.begin(kind := thresholds_after(history), len(numbers) * draws)
-    jobs, turns = list[partial[tuple[list[_Judging], float]]](), list[int]()
+    jobs, turns = list[partial[tuple[dict[tuple[int, int], _ByPart], float]]](), list[int]()
     for turn, fold in enumerate(folds):
         own = throws.of(throws.switch % len(folds) == turn)
         errors = _errors(fold.knowledge, seed + 1 + FOLD_SEED * turn)
         counts = {"history": history, "draws": draws, "again": again}
         jobs.append(partial(_judge_histories, fold, own, objects, errors, tuple(alone), **counts))
         turns.append(len(np.unique(own.switch)) * draws)
-    judgings = list[_Judging]()
-    for turn, (made, cost) in workers.run(jobs):
-        judgings += made
+    made = dict[tuple[int, int], _ByPart]()
+    for turn, (found, cost) in workers.run(jobs):
+        made |= found
         pace.count(kind, turns[turn], cost=cost)
-    judgings.sort(key=lambda item: (item.switch, item.draw))
     return [
         _calibrated(
-            folds,
+            folds[0].knowledge,
             replace(other, history=history, switches=len(numbers)),
-            judged=[
-                np.concatenate(item)
-                for item in zip(*(j for own in judgings for j in own.judged[part]), strict=True)
-            ],
-            group=np.concatenate([own.switches for own in judgings]),
-            tried=[(own.switch % len(folds), own.expected, own.held) for own in judgings],
-            workers=workers,
+            [made[number][part] for number in sorted(made)],
         )
         for part, other in alone.items()
-        if judgings
+        if made
     ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Judging:
-    """A switch after a history: what was expected, and what was said of its later throws."""
-
-    switch: int
-    draw: int
-    expected: Expectation
-    held: list[Tried]
-    judged: dict[str, list[Judged]]
-    switches: NDArray[np.intp]
+_ByPart = dict[str, _Judging]
+"""Judgements of a switch after a history, by the part that is recorded."""
 
 
 def _judge_histories(
@@ -370,9 +381,10 @@ def _judge_histories(
     history: int,
     draws: int,
     again: int,
-) -> tuple[list[_Judging], float]:
-    """Judge the switches that a fold takes after histories; return the time of that too [s]."""
-    knowledge, found, began = fold.knowledge, list[_Judging](), time.perf_counter()
+) -> tuple[dict[tuple[int, int], _ByPart], float]:
+    """Judge switches after histories, by switch and draw; return the time of that too [s]."""
+    knowledge, began = fold.knowledge, time.perf_counter()
+    found = dict[tuple[int, int], _ByPart]()
     population = make_view(knowledge)
     for switch, draw in itertools.product(np.unique(throws.switch).tolist(), range(draws)):
         own = throws.of(throws.switch == switch)
@@ -386,20 +398,15 @@ def _judge_histories(
         # the same for every part, so that none depends on which parts there are
         held = [drawn.tried(rows, later) for rows in features[:INTERVAL_DRAWS]]
         held += _with_objects(objects, switch, fixed, drawn)
-        judged = dict[str, list[Judged]]()
+        group, judged = np.tile(later.switch, again), _ByPart()
         for part in parts:
             view = make_view(knowledge, part=part, known=expected)
-            judged[part] = [_said_of_sound(view, rows) for rows in features]
-        found.append(
-            _Judging(
-                switch=switch,
-                draw=draw,
-                expected=expected,
-                held=held,
-                judged=judged,
-                switches=np.concatenate([later.switch] * again),
+            judged[part] = _Judging(
+                sound=_said_of_sound(view, np.concatenate(features)),
+                group=group,
+                answers=answers_of(knowledge, view, held, least=LEAST_THRESHOLD),
             )
-        )
+        found[switch, draw] = judged
     return found, time.perf_counter() - began
 
 
@@ -433,58 +440,18 @@ MOST_LATER = 6
 """Throws judged after a history."""
 
 
-def _missed_by(
-    knowledge: Knowledge,
-    part: str,
-    groups: Sequence[tuple[Expectation | None, list[Tried]]],
-    threshold: float,
-) -> list[Missed]:
-    """Return the misses of groups of throws, each judged after what was expected of its switch."""
-    found = []
-    for expected, held in groups:  # the views of all histories together would take some 10 GB
-        view = make_view(knowledge, part=part, known=expected)
-        found.append(misses_of(knowledge, [(view, item) for item in held], threshold=threshold))
-    return found
-
-
-def _misses(
-    folds: Sequence[Fold], tried: Sequence[Group], part: str, threshold: float, workers: Workers
-) -> Missed:
-    """Return the misses of all groups in their order, from processes that take a fold each."""
-    of_fold: dict[int, list[int]] = {}
-    for number, (fold, _, _) in enumerate(tried):
-        of_fold.setdefault(fold, []).append(number)
-    jobs = [
-        partial(_missed_by, folds[fold].knowledge, part, [tried[n][1:] for n in own], threshold)
-        for fold, own in of_fold.items()
-    ]
-    places, made = list(of_fold.values()), dict[int, Missed]()
-    for job, found in workers.run(jobs):
-        made |= zip(places[job], found, strict=True)
-    whole = Missed()
-    for number in range(len(tried)):
-        for item in fields(Missed):
-            getattr(whole, item.name).extend(getattr(made[number], item.name))
-    return whole
-
-
 def _calibrated(
-    folds: Sequence[Fold],
-    usual: Calibrated,
-    *,
-    judged: Sequence[Floats],
-    group: NDArray[np.intp],
-    tried: Sequence[Group],
-    workers: Workers,
+    knowledge: Knowledge, usual: Calibrated, judgings: Sequence[_Judging]
 ) -> Calibrated:
     """Return thresholds and widths; those of `usual` where the throws say too little.
 
     Upper limits count groups of switches: those that share their sections are alike.
     """
-    knowledge = folds[0].knowledge
-    ratios, causes, left, irregular = judged
+    ratios, causes, left, irregular = _joined(own.sound for own in judgings)
+    group = np.concatenate([own.group for own in judgings])
     thresholds = thresholds_of(ratios, group=group, usual=usual.thresholds, least=LEAST_THRESHOLD)
-    found = _misses(folds, tried, usual.part, thresholds[f"{RATES[0]:g}"], workers)
+    answers = itertools.chain.from_iterable(own.answers for own in judgings)
+    found = missed_of(answers, threshold=thresholds[f"{RATES[0]:g}"])
     count = len(knowledge.setting.gaps)
 
     def each_gap(group: Misses) -> Floats:

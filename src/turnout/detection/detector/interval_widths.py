@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from turnout.detection.alarm_threshold import confident_quantile
 from turnout.detection.detector.judging import View, evidence_of, ratios_of
-from turnout.detection.detector.knowledge import Knowledge
+from turnout.detection.detector.knowledge import Knowledge, Setting
+from turnout.detection.detector.nearest_samples import Samples
 from turnout.detection.detector.object_posterior import (
     Interval,
     gaps_of,
@@ -17,6 +18,7 @@ from turnout.detection.detector.object_posterior import (
 )
 from turnout.detection.detector.throw_set import ThrowSet
 from turnout.detection.floor import touched
+from turnout.detection.likelihood import Evidence
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +47,72 @@ class Tried:
     gaps: Floats
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answer:
+    """Answer to a throw: by how many half-intervals it misses what is true.
+
+    Attributes
+    ----------
+    gaps : ndarray, shape (n_draws, n_gaps)
+        Of gaps; less than 0 where the truth lies below the median [-].
+    open : list of (int, float)
+        Gaps clearly above their limit, once for each draw in which they are, and how far the limit
+        lies above the median, in upper half-intervals [-].
+    size, x, likelier : float
+        Of size and place of an object, and how probable all places are that are likelier than the
+        true one; 0 where none is touched or no alarm is raised [-].
+    """
+
+    gaps: Floats
+    open: list[tuple[int, float]]
+    size: float = 0.0
+    x: float = 0.0
+    likelier: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answers:
+    """Answers to a throw with and without an alarm.
+
+    Attributes
+    ----------
+    ratio : float
+        Log likelihood ratio of an object against everything else [-].
+    touched : bool
+        True where an object is touched.
+    switch : int
+        Number of the switch.
+    quiet, alarm : Answer
+        Without and with an alarm; the latter None of a throw that cannot be one.
+    """
+
+    ratio: float
+    touched: bool
+    switch: int
+    quiet: Answer
+    alarm: Answer | None
+
+
+@dataclass(frozen=True, slots=True)
+class OpenGap:
+    """A gap clearly above its limit.
+
+    Attributes
+    ----------
+    gap, switch : int
+        Numbers.
+    alarm : bool
+        Whether the throw is an alarm.
+    reach : float
+        How far the limit lies above the median, in upper half-intervals [-].
+    """
+
+    gap: int
+    switch: int
+    alarm: bool
+    reach: float
+
+
 @dataclass(slots=True, eq=False)
 class Missed:
     """By how many half-intervals throws with known sizes and gaps missed these.
@@ -68,75 +136,93 @@ class Missed:
     sound: Misses = field(default_factory=list)
     unnoticed: Misses = field(default_factory=list)
     alarm: Misses = field(default_factory=list)
-    open: "list[OpenGap]" = field(default_factory=list)
+    open: list[OpenGap] = field(default_factory=list)
 
 
-@dataclass(frozen=True, slots=True)
-class OpenGap:
-    """A gap clearly above its limit.
-
-    Attributes
-    ----------
-    gap, switch : int
-        Numbers.
-    alarm : bool
-        Whether the throw is an alarm.
-    reach : float
-        How far the limit lies above the median, in upper half-intervals [-].
-    """
-
-    gap: int
-    switch: int
-    alarm: bool
-    reach: float
-
-
-def misses_of(
-    knowledge: Knowledge, tried: Iterable[tuple[View, Tried]], *, threshold: float
-) -> Missed:
-    """Return what throws with known sizes, places and gaps say of the intervals of these.
+def answers_of(
+    knowledge: Knowledge, view: View, tried: Sequence[Tried], *, least: float
+) -> list[Answers]:
+    """Answer throws with known sizes, places and gaps.
 
     Parameters
     ----------
     knowledge : Knowledge
         That did not see these throws.
-    tried : iterable of (View, Tried)
-        What throws are judged with, and these throws.
-    threshold : float
-        From which on a throw is an alarm [-].
+    view : View
+        What they are judged with.
+    tried : sequence of Tried
+        The throws.
+    least : float
+        Log likelihood ratio up to which a throw is no alarm, whatever the threshold [-].
     """
-    limits = np.array(knowledge.setting.limits)
-    places = np.array(list(knowledge.setting.places.values()))
-    found = Missed()
-    for view, item in tried:
-        throws = item.throws
-        held = touched(throws.force)
+    found = []
+    for item in tried:
+        held = touched(item.throws.force)
         for first in range(0, len(item.features), AT_ONCE):
             evidence = evidence_of(view, item.features[first : first + AT_ONCE])
-            ratio = ratios_of(view, evidence).alarm
-            for number in range(len(ratio)):
+            for number, ratio in enumerate(ratios_of(view, evidence).alarm.tolist()):
                 at = first + number
-                alarm = bool(ratio[number] > threshold)
-                near = objects_near(view, evidence, number) if alarm else None
-                said = gaps_of(view, evidence, number, limits=limits, near=near)
-                true_gaps = item.gaps[:, at]
-                gaps = signed_misses(said.gaps, true_gaps)
-                for row in np.nonzero(true_gaps >= limits + CLEARLY_OPEN)[1].tolist():
-                    gap = said.gaps[row]
-                    reach = (limits[row] - gap.middle) / max(gap.high - gap.middle, 1e-9)
-                    switch = int(throws.switch[at])
-                    found.open.append(OpenGap(row, switch, alarm, float(reach)))
-                if near is None:
-                    (found.unnoticed if held[at] else found.sound).append(gaps)
-                    continue
-                found.alarm.append(gaps)
-                if held[at]:
-                    trapped = object_of(view, evidence, number, near=near)
-                    alarm_ratio, true = float(ratio[number]), float(throws.x[at])
-                    found.size.append((alarm_ratio, miss(trapped.size, float(throws.size[at]))))
-                    found.x.append((alarm_ratio, miss(trapped.x, true)))
-                    nearest = int(np.abs(places - true).argmin())
-                    found.likelier.append(likelier(trapped.place, nearest))
+                near = objects_near(view, evidence, number) if ratio > least else None
+                given = knowledge.setting, view, evidence, number, item, at
+                answers = Answers(
+                    ratio=ratio,
+                    touched=bool(held[at]),
+                    switch=int(item.throws.switch[at]),
+                    quiet=_answer(*given),
+                    alarm=None if near is None else _answer(*given, near=near, held=held[at]),
+                )
+                found.append(answers)
+    return found
+
+
+def _answer(
+    setting: Setting,
+    view: View,
+    evidence: Evidence,
+    number: int,
+    item: Tried,
+    at: int,
+    *,
+    near: Samples | None = None,
+    held: bool = False,
+) -> Answer:
+    """Answer one of some throws; `held` in full, as to an object that is touched."""
+    limits, true_gaps = np.array(setting.limits), item.gaps[:, at]
+    said = gaps_of(view, evidence, number, limits=limits, near=near)
+    gaps = signed_misses(said.gaps, true_gaps)
+    far = []
+    for gap in np.nonzero(true_gaps >= limits + CLEARLY_OPEN)[1].tolist():
+        own = said.gaps[gap]
+        far.append((gap, float((limits[gap] - own.middle) / max(own.high - own.middle, 1e-9))))
+    if near is None or not held:
+        return Answer(gaps=gaps, open=far)
+    trapped = object_of(view, evidence, number, near=near)
+    x, places = float(item.throws.x[at]), np.array(list(setting.places.values()))
+    return Answer(
+        gaps=gaps,
+        open=far,
+        size=miss(trapped.size, float(item.throws.size[at])),
+        x=miss(trapped.x, x),
+        likelier=likelier(trapped.place, int(np.abs(places - x).argmin())),
+    )
+
+
+def missed_of(answers: Iterable[Answers], *, threshold: float) -> Missed:
+    """Return what the answers to throws missed, where those above a threshold [-] are alarms."""
+    found = Missed()
+    for item in answers:
+        alarm = item.alarm if item.ratio > threshold else None
+        answer = alarm or item.quiet
+        for gap, reach in answer.open:
+            found.open.append(OpenGap(gap, item.switch, alarm is not None, reach))
+        if alarm is None:
+            (found.unnoticed if item.touched else found.sound).append(answer.gaps)
+            continue
+        found.alarm.append(answer.gaps)
+        if item.touched:
+            found.size.append((item.ratio, answer.size))
+            found.x.append((item.ratio, answer.x))
+            found.likelier.append(answer.likelier)
     return found
 
 

@@ -200,7 +200,7 @@ def _gap_seen(hypotheses: Hypotheses, signatures: Signatures) -> Floats:
     found = np.empty((len(hypotheses.number), signatures.gap.shape[1]))
     for at, centre in enumerate(hypotheses.centres):
         own = hypotheses.place == at
-        found[own] = (signatures.change @ centre.gap_of_change)[hypotheses.number[own]]
+        found[own] = signatures.change[hypotheses.number[own]] @ centre.gap_of_change
     return found
 
 

@@ -50,10 +50,14 @@ RUNS = 16
 """Of states in a row that the switches of a fold come in, at least."""
 LEAST_LEFT = 30
 """Throws of a cause that a fold leaves to learn from; else it leaves all of them."""
+DRAWS = 16
+"""Uses of each sound throw that thresholds are taken from."""
 HISTORY_DRAWS = 2
 """Histories that are drawn for each switch."""
 HISTORIES = (5, 20)
 """Sound throws known of a switch that thresholds are taken for, beside none."""
+JUDGED, LEARNED = 0.05, 70.0
+"""Time to judge a throw, and to learn a switch with a history, by that of a simulated throw [-]."""
 
 
 def sets_of_kinds() -> tuple[str, ...]:
@@ -135,10 +139,13 @@ def _trained(
     pace: Pace,
 ) -> Knowledge:
     """Throw plans, and learn from them."""
+    judged = DRAWS * sum(len(plans[name].switch) for name in (SOUND, HISTORY) if name in plans)
+    for part in parts_of(setting):
+        pace.plan(thresholds_after(0, part), FOLDS, like=JUDGED * judged / FOLDS)
     if HISTORY in plans:
         count = len(np.unique(plans[HISTORY].switch)) * HISTORY_DRAWS
         for history in HISTORIES:
-            pace.plan(thresholds_after(history), count)
+            pace.plan(thresholds_after(history), count, like=LEARNED)
     datasets = throw_plans(plans, folder, workers=processes, pace=pace)
     for name, made in datasets.items():
         about_it = {"panel": population.panel.name, "of": f'set "{name}"', "source": "detect train"}
@@ -162,7 +169,7 @@ def knowledge_of_sets(
     sets: Mapping[str, ThrowSet],
     setting: Setting,
     *,
-    draws: int = 16,
+    draws: int = DRAWS,
     history_draws: int = HISTORY_DRAWS,
     histories: tuple[int, ...] = HISTORIES,
     workers: Workers | None = None,
@@ -290,6 +297,11 @@ def groups_of(sound: ThrowSet, run: int) -> NDArray[np.intp]:
     return np.asarray(runs if shared else sound.row)
 
 
+def parts_of(setting: Setting) -> list[str]:
+    """Return what of a throw may be recorded, each with thresholds of its own."""
+    return [CYCLE, CLOSING] if len(setting.layout.parts) > 1 else [CYCLE]
+
+
 def _calibrations(
     folds: Sequence[Fold],
     repeated: Mapping[str, ThrowSet],
@@ -301,9 +313,10 @@ def _calibrations(
     pace: Pace | None,
 ) -> list[Calibrated]:
     """Return what throws that a detector did not see say of it, without and with a history."""
-    parts = [CYCLE, CLOSING] if len(folds[0].knowledge.layout.parts) > 1 else [CYCLE]
+    parts = parts_of(folds[0].knowledge.setting)
     alone = {
-        part: calibrate_alone(folds, part=part, draws=draws, workers=workers) for part in parts
+        part: calibrate_alone(folds, part=part, draws=draws, workers=workers, pace=pace)
+        for part in parts
     }
     calibrated = list(alone.values())
     for number in histories if HISTORY in repeated else ():

@@ -108,17 +108,15 @@ def irregularities(
         Components that count beside sound throws; default all.
     """
     hypotheses = evidence.hypotheses
-    numbers = None if kept is None else np.flatnonzero(kept)
-    usual = np.argmax(evidence.centre, axis=0)
-    found = np.empty(len(usual))
-    for throw, sound in enumerate(usual):
+    density = evidence.component if kept is None else evidence.component[kept]
+    numbers = np.arange(len(evidence.component)) if kept is None else np.flatnonzero(kept)
+    most = density.max(axis=0, initial=-np.inf)
+    found = np.empty(len(most))
+    for throw, sound in enumerate(np.argmax(evidence.centre, axis=0)):
         at = int(sound)
         left = evidence.white[at, :, throw]
-        density = evidence.component[:, throw]
-        density = density if numbers is None else density[numbers]
-        if density.max(initial=-np.inf) > evidence.centre[at, throw]:
-            best = np.argmax(density)
-            component = best if numbers is None else numbers[best]
+        if most[throw] > evidence.centre[at, throw]:
+            component = numbers[np.argmax(density[:, throw])]
             at = int(hypotheses.place[component])
             change = signatures.change[hypotheses.number[component]].astype(np.float32)
             moved = hypotheses.centres[at].basis @ change
