@@ -56,3 +56,20 @@ def test_one_that_costs_little_does_not_stand_for_the_others(
         now[0] += cost
         pace.count("panels", cost=cost)
     assert pace.progress().left == pytest.approx(40.0, rel=0.1)
+
+
+def test_a_kind_that_is_still_to_come_takes_as_many_times_longer_as_planned(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    pace = Pace()
+    pace.begin("throws", 20)
+    pace.plan("thresholds", 4, like=50.0)
+    now[0] = 10.0
+    pace.count("throws", 10, cost=10.0)
+    assert pace.progress().left == pytest.approx(10.0 + 4 * 50.0)
+    pace.begin("thresholds", 4)
+    now[0] = 70.0
+    pace.count("thresholds", cost=60.0)
+    assert pace.progress().left == pytest.approx(10.0 + 3 * 60.0)
