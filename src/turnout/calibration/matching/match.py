@@ -415,11 +415,22 @@ def thrower_at(facts: Facts, point: Floats, mode: Mode = "quick") -> Thrower:
     PanelError
         When its values contradict each other.
     """
-    panel, machines = panel_at(facts, point), None
-    if facts.machines:
-        machines = panel.with_overrides(dict(facts.machines), si=False)
-        machines = as_written(machines.with_overrides(facts.overrides(point, of_machines=True)))
-    return Thrower(panel, mode, machines)
+    panel = panel_at(facts, point)
+    return Thrower(panel, mode, with_machines(facts, panel, point) if facts.machines else None)
+
+
+def with_machines(facts: Facts, panel: LoadedPanel, point: Floats | None = None) -> LoadedPanel:
+    """Return a panel with the machines of the facts, their unknown values at a point if any.
+
+    Raises
+    ------
+    PanelError
+        When the values of the machines do not go with the panel.
+    """
+    machines = panel.with_overrides(dict(facts.machines), si=False)
+    if point is not None:
+        machines = machines.with_overrides(facts.overrides(point, of_machines=True))
+    return as_written(machines)
 
 
 def is_valid(facts: Facts, point: Floats) -> bool:
