@@ -23,7 +23,7 @@ from scipy.linalg import block_diag
 
 from benchmarks.page import EVIDENCE
 from turnout.calibration.matching.facts import Facts, load_facts
-from turnout.calibration.matching.match import Thrower, holds
+from turnout.calibration.matching.match import Thrower, holds, with_machines
 from turnout.calibration.matching.measures import LAST, end_forces
 from turnout.detection.floor import touch_floor
 from turnout.detection.limit.limit_map import limit_map
@@ -206,18 +206,17 @@ def figures(panel: LoadedPanel, case: Case, folder: Path, facts: Facts) -> dict[
             "residual": _residual(with_object),
         }
     found["a90"] = smallest_seen(panel, case, folder)
-    return found | behind_facts(panel, case, facts)
+    return found | behind_facts(panel, facts)
 
 
-def behind_facts(panel: LoadedPanel, case: Case, facts: Facts) -> dict[str, Any]:
+def behind_facts(panel: LoadedPanel, facts: Facts) -> dict[str, Any]:
     """Return the numbers behind facts in SI, and the facts that a panel does not meet.
 
     Drives with lost motion have no machines, so no currents.
     """
     by_machines, lacking = None, any(drive.lost_motion for drive in panel.drive.values())
     if not lacking:
-        changed = panel.with_overrides(MACHINES | case.values)
-        by_machines = as_written(changed.with_overrides(dict(facts.machines), si=False))
+        by_machines = with_machines(facts, panel)
     thrower, wanted = Thrower(panel, "quick", by_machines), (*facts.facts, *facts.answers)
     shown = {name for column in (*OBJECTS, *SWITCH) for name in column.names}
     wanted = tuple(item for item in wanted if item in facts.facts or item.name in shown)
