@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import ModuleType
 from typing import Any, Generic, ParamSpec, TypeVar
@@ -158,6 +159,25 @@ def end_pool(pool: Executor) -> None:
         results._writer.close()
     if manager is not None:  # which Python would wake up at its end, closed or not
         manager.join(5.0)
+
+
+def limit_memory(more: int) -> None:
+    """Let this process take so much more memory than it has now, if the system reports it [byte].
+
+    Its children may each have as much in all. Linux counts what a process can write to; others do
+    not report what it has.
+    """
+    status = Path("/proc/self/status")
+    if sys.platform == "win32" or not status.exists():
+        return
+    import resource
+
+    (line,) = (text for text in status.read_text().splitlines() if text.startswith("VmData:"))
+    taken = 1024 * int(line.split()[1])
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    wanted = taken + more
+    limit = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, most))
 
 
 def _start_worker(prepare: Callable[..., object], *given: object) -> None:

@@ -23,7 +23,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from turnout.core.errors import TurnoutError
-from turnout.core.processes import FreshProcesses
+from turnout.core.processes import FreshProcesses, limit_memory
 from turnout.web.question import (
     MEMORY_LIMIT,
     Question,
@@ -180,7 +180,7 @@ def _compute(connection: Connection, folder: str, memory: int) -> None:
         _log.exception("the studio's process cannot be prepared")
         connection.send_bytes(f"{type(error).__name__}: {error}".encode())
         return
-    _limit_memory(memory)
+    limit_memory(memory)
     connection.send_bytes(_READY)
     tasks: queue.SimpleQueue[tuple[Task, Question]] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, tasks), daemon=True).start()
@@ -285,16 +285,3 @@ def _set_apart() -> None:
         os.setsid()
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENTS_DEATH, signal.SIGKILL)
-
-
-def _limit_memory(memory: int) -> None:
-    """Limit the memory of this process and its children to its present use and so much more."""
-    if sys.platform != "linux":
-        return  # macOS takes no such limit, Windows has none
-    import resource
-
-    most = _pages()[0] * _page_size() + memory
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    if hard != resource.RLIM_INFINITY:
-        most = min(most, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))

@@ -26,7 +26,7 @@ SWAPPED, LEAST_RISE, LEAST_VOTES = 1.5, 50.0, 2
 
 def recordings_in(folder: Path) -> list[str]:
     """Return the files of a folder, by name, that can be recordings by their suffix."""
-    known = {suffix for item in FORMATS for suffix in item.suffixes}
+    known = {suffix for item in FORMATS for suffix in item.endings.split()}
     return sorted(
         path.name
         for path in folder.iterdir()

@@ -457,7 +457,7 @@ def map_hash(channel_map: ChannelMap) -> str:
 
     Keys that it leaves out do not count: a new one costs nobody a second reading.
     """
-    return content_hash(_plain(channel_map.model_dump(exclude_defaults=True)))
+    return content_hash(channel_map.model_dump(exclude_defaults=True))
 
 
 def stated_uncertainties(channel_map: ChannelMap) -> dict[str, float]:
@@ -640,17 +640,6 @@ def _usual_unit(sensor: AnySensor, dimension: Dimension) -> str:
     if sensor.kind == "calibrated":
         return str(sensor.readings.dimension.unit)
     return {"clamp": "V", "scaled": dimension.unit}.get(sensor.kind, "mV/V")
-
-
-def _plain(value: Any) -> Any:
-    """Return nested plain data for the hash; a raw value becomes its numbers and dimension."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "dimension"):
-        return {"values": list(value.values), "dimension": value.dimension.name}
-    return value
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,11 +78,6 @@ class FileFormat:
     refers: bool = False
     tables: bool = False
 
-    @property
-    def suffixes(self) -> tuple[str, ...]:
-        """What its files end in."""
-        return tuple(self.endings.split())
-
     def recognises(self, head: bytes, path: Path) -> bool:
         """Return True if a file, given its first bytes, is of this format."""
         if isinstance(self.mark, bytes):
@@ -239,7 +234,7 @@ def recognise_format(path: Path) -> FileFormat:
             message = f"{path}: is {way_out}"
             raise FileError(message)
     suffix = path.suffix.lower()
-    by_name = next((item for item in FORMATS if suffix in item.suffixes), FORMATS[-1])
+    by_name = next((item for item in FORMATS if suffix in item.endings.split()), FORMATS[-1])
     return FORMATS[-1] if all(byte > 8 for byte in head) else by_name
 
 

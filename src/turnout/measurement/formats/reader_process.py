@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from turnout.core.errors import FileError
+from turnout.core.processes import limit_memory
 from turnout.measurement.formats.channel_table import recordings_of
 from turnout.measurement.recording import Recording
 
@@ -92,24 +93,6 @@ def read_requested(request: Request) -> Answer:
         said = " ".join(str(getattr(error, "message", "") or error).split())[:80]
         reason = f"is no {kind} file, or a damaged one ({said}); save it again"
     return Answer(FileError(f"{path}: {reason}"), exhausted)
-
-
-def limit_memory(more: int) -> None:
-    """Let this process take so much more memory than it has now, if the system reports it [byte].
-
-    Linux counts what a process can write to; others do not report what it has.
-    """
-    status = Path("/proc/self/status")
-    if sys.platform == "win32" or not status.exists():
-        return
-    import resource
-
-    (line,) = (text for text in status.read_text().splitlines() if text.startswith("VmData:"))
-    taken = 1024 * int(line.split()[1])
-    _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    wanted = taken + more
-    limit = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
-    resource.setrlimit(resource.RLIMIT_DATA, (limit, most))
 
 
 def serve_reader() -> None:
