@@ -38,13 +38,7 @@ from turnout.core.units import (
     parse_quantity,
     unit_factor,
 )
-from turnout.measurement.chain.recorder import (
-    HIGHEST_ORDER,
-    LEAST_INTERVAL,
-    RC,
-    LowPass,
-    Recorder,
-)
+from turnout.measurement.chain.recorder import HIGHEST_ORDER, LEAST_INTERVAL, RC, LowPass, Recorder
 from turnout.measurement.formats.assemble import tidy_unit
 
 

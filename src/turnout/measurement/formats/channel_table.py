@@ -37,11 +37,11 @@ from turnout.measurement.formats.file_table import (
 )
 from turnout.measurement.formats.numbers import LEAST_CURVE
 from turnout.measurement.formats.time_axis import (
-    LARGEST_DEPARTURE,
     TimeAxis,
     counts,
     is_date,
     numeric_axis,
+    rate_remark,
 )
 from turnout.measurement.recording import Recording, time_grid
 
@@ -486,12 +486,8 @@ def _usable(
     least, most = _USUAL_STEP
     if rate is None and unstated and not least < grid.step < most:
         table.problems.append(f"check the time: '{name}' states no unit and is taken as seconds")
-    if rate is not None and abs(rate[0] * grid.step - 1.0) > LARGEST_DEPARTURE:
-        table.problems.append(
-            f"check the time: column '{name}' has {1 / grid.step:.6g} samples per second, the file "
-            f"states {rate[0]:.6g}"
-        )
-    return axis
+    remark = rate_remark(axis.seconds, rate[0]) if rate else ""
+    return replace(axis, remark=remark or axis.remark)
 
 
 def _in_whole_seconds(seconds: Floats) -> bool:

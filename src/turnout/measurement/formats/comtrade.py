@@ -10,7 +10,7 @@ from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.text_dialect import encoding_of
-from turnout.measurement.formats.time_axis import LARGEST_DEPARTURE, stamps_axis
+from turnout.measurement.formats.time_axis import rate_remark, stamps_axis
 from turnout.measurement.recording import Recording
 
 _WIDTHS = {"BINARY": "<i2", "BINARY32": "<i4", "FLOAT32": "<f4"}
@@ -71,23 +71,19 @@ def read_comtrade(path: Path) -> Recording:
     rate = found.rates[0][0] if found.rates else 0.0
     if len(found.rates) > 1:
         rate = 0.0  # the rate changes within the record; its time stamps hold all
-    steps = np.diff(times) * 1e-6 * found.factor
-    typical = float(np.median(steps)) if steps.size and np.isfinite(steps).all() else 0.0
-    problems = []
-    if rate and typical > 0 and abs(typical * rate - 1.0) > LARGEST_DEPARTURE:
-        stated = f"{rate:.6g} are stated"
-        problems = [f"check the time: its time stamps show {1 / typical:.6g} Hz, {stated}"]
+    seconds = times * 1e-6 * found.factor
     columns = [
         FileColumn(
             name,
             np.where(values[:, n] == _MISSING.get(found.kind), np.nan, values[:, n] * a + b),
             tidy_unit(unit),
             rate=rate or None,
-            time=None if rate else times * 1e-6 * found.factor,
+            time=None if rate else seconds,
+            remark=rate_remark(seconds, rate) if rate else "",
         )
         for n, (name, unit, a, b) in enumerate(found.analog)
     ]
-    return assemble_recording(columns, source=str(path), start_time=found.start, problems=problems)
+    return assemble_recording(columns, source=str(path), start_time=found.start)
 
 
 def _beside(path: Path, suffix: str) -> Path | None:

@@ -13,10 +13,7 @@ from turnout.measurement.formats.comtrade import is_comtrade
 from turnout.measurement.formats.hdf5 import hdf5_bytes
 from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import mat_bytes
-from turnout.measurement.formats.text_table import (
-    csv_bytes,
-    text_table,
-)
+from turnout.measurement.formats.text_table import csv_bytes, text_table
 from turnout.measurement.recording import Recording
 
 SNIFFED_BYTES = 600

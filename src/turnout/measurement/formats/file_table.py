@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import refused_of
 from turnout.core.problems import choices, count_in_words
-from turnout.measurement.formats.assemble import (
-    is_unit,
-    split_unit,
-    tidy_unit,
-)
+from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
 from turnout.measurement.formats.clock import (
     SECONDS,
     StatedClock,

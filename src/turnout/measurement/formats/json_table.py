@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, refused_of
-from turnout.measurement.formats.assemble import (
-    FileColumn,
-    assemble_recording,
-    named_unit,
-)
+from turnout.measurement.formats.assemble import FileColumn, assemble_recording, named_unit
 from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
 from turnout.measurement.formats.extent import Declared

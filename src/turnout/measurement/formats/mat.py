@@ -16,11 +16,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
 from turnout.core.errors import FileError, refused_of
-from turnout.measurement.formats.assemble import (
-    FileColumn,
-    assemble_recording,
-    named_unit,
-)
+from turnout.measurement.formats.assemble import FileColumn, assemble_recording, named_unit
 from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn

@@ -15,12 +15,12 @@ from turnout.measurement.formats.clock import (
     is_time_unit,
 )
 from turnout.measurement.formats.time_axis import (
-    LARGEST_DEPARTURE,
     TimeAxis,
     is_stamp,
     may_be_time,
     moments_axis,
     numeric_axis,
+    rate_remark,
     stamps_axis,
 )
 
@@ -166,11 +166,8 @@ def _timed(
 ) -> FileColumn:
     rate = clock.rate() if clock is not None else None
     if axis is not None:
-        time, begin, remark = axis.seconds, axis.begin, axis.remark
-        step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-        if rate is not None and abs(rate[0] * step - 1.0) > LARGEST_DEPARTURE:
-            remark = f"check the time: its times are {step:.6g} s apart, {rate[0]:.6g} Hz is stated"
-        return FileColumn(name, values, unit, time=time, begin=begin, remark=remark)
+        remark = (rate_remark(axis.seconds, rate[0]) if rate else "") or axis.remark
+        return FileColumn(name, values, unit, time=axis.seconds, begin=axis.begin, remark=remark)
     if clock is None or rate is None:
         return FileColumn(name, values, unit)
     return FileColumn(name, values, unit, rate=rate[0], start=clock.start)

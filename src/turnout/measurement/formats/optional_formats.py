@@ -17,12 +17,7 @@ from turnout.measurement.formats.assemble import (
     tidy_unit,
 )
 from turnout.measurement.formats.channel_table import table_columns
-from turnout.measurement.formats.clock import (
-    StatedClock,
-    is_time_name,
-    is_time_unit,
-    seconds_of,
-)
+from turnout.measurement.formats.clock import StatedClock, is_time_name, is_time_unit, seconds_of
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.named_arrays import stated_clock

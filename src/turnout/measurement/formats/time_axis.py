@@ -213,6 +213,20 @@ def may_be_time(values: Floats, name: str, *, rate: float | None) -> bool:
     return abs(typical * rate - 1.0) < LARGEST_DEPARTURE
 
 
+def rate_remark(time: Floats, rate: float) -> str:
+    """Return a remark if times [s] are not those of a stated rate [1/s]; empty if they are.
+
+    Examples
+    --------
+    >>> rate_remark(np.arange(5) * 0.04, 20.0), rate_remark(np.arange(5) * 0.05, 20.0)
+    ('check the time: its times show 25 Hz, 20 Hz is stated', '')
+    """
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    if not step > 0.0 or abs(step * rate - 1.0) <= LARGEST_DEPARTURE:
+        return ""
+    return f"check the time: its times show {1.0 / step:.6g} Hz, {rate:.6g} Hz is stated"
+
+
 def rises_evenly(values: Floats) -> bool:
     """Return True if all steps are up and near their mean."""
     steps = np.diff(values)
