@@ -471,8 +471,6 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
     for separator, marks in DECIMAL_MARKS.items():
         if best is not None and not any(separator in line for line in lines):
             continue
-        if separator == " " and best is not None and best[0] == "\t" and best[3] > 1:
-            continue  # blanks within cells
         rows = [split_line(line, separator) for line in lines]
         for decimal in marks:
             if decimal == "," and not any("," in cell for cells in rows for cell in cells):
@@ -489,7 +487,8 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
             whole = len(last) == width
             while last and not last[-1]:
                 last = last[:-1]
-            near = width > 2 and abs(len(last) - width) == 1
+            titled = separator == " " and best is not None and best[0] == "\t"
+            near = width > 2 and abs(len(last) - width) == 1 and not titled
             fits = 3 if not heading or whole or len(last) == width else 2 if near else 1
             fits = 1 if heading and (shares[row - 1] >= 0.5 or _are_numbers(last)) else fits
             table = zip(rows[row:], shares[row:], strict=True)
