@@ -50,6 +50,14 @@ JSON: list[File] = [
     ("JSON of pandas", ".json",
      as_json({k: {str(n): x for n, x in enumerate(v)}
               for k, v in {"time": TIME.tolist(), **LISTS}.items()}), BOTH),
+    ("JSON of pandas, stamps", ".json",
+     as_json({k: {str(n): x for n, x in enumerate(v)}
+              for k, v in {"time": [str(m) for m in MOMENTS], **LISTS}.items()}), BOTH),
+    ("JSON of pandas beside a rate", ".json", as_json(
+        {"fs": 25, **{k: {str(n): x for n, x in enumerate(v)} for k, v in LISTS.items()}}), BOTH),
+    ("JSON, names in the first row beside a rate", ".json",
+     as_json({"fs": 25, "rows": [list(LISTS), *map(list, zip(*LISTS.values(), strict=True))]}),
+     BOTH),
     ("JSON lines", ".jsonl", lambda path: path.write_text(
         "".join(json.dumps(row) + "\n" for row in records(time=TIME.tolist())), "utf-8"), BOTH),
     ("JSON stamps", ".json", as_json(records(time=[str(m) for m in MOMENTS])), BOTH),

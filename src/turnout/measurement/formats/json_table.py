@@ -138,14 +138,24 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
     if isinstance(names, list) and isinstance(rows, list):
         return _by_rows(names, rows)
     lists = {str(k): v for k, v in held.items() if isinstance(v, list) and len(v) > 1}
-    flat = {k: v for k, v in lists.items() if not any(isinstance(c, Mapping) for c in v)}
+    flat = {k: v for k, v in lists.items() if not _holds_rows(v)}
     if flat and len({len(v) for v in flat.values()}) == 1:
         return {key: _cells(values) for key, values in flat.items()}
-    inner = [value for value in held.values() if isinstance(value, Mapping) and len(value) > 1]
-    plain = not any(isinstance(c, Mapping | list | str) for v in inner for c in v.values())
-    if plain and 1 < len(inner) == len(held) and len({tuple(value) for value in inner}) == 1:
-        return {str(name): _cells(list(value.values())) for name, value in held.items()}
+    inner = {k: v for k, v in held.items() if isinstance(v, Mapping) and len(v) > 1}
+    # As pandas writes them, by the number of the row, also beside facts.
+    numbered = {k: v for k, v in inner.items() if all(map(str.isdigit, v))}
+    nested = Mapping | list if numbered else Mapping | list | str
+    found = numbered or (inner if len(inner) == len(held) else {})
+    plain = not any(isinstance(cell, nested) for v in found.values() for cell in v.values())
+    if plain and len(found) > 1 and len({tuple(v) for v in found.values()}) == 1:
+        return {str(name): _cells(list(v.values())) for name, v in found.items()}
     return None
+
+
+def _holds_rows(values: list[Any]) -> bool:
+    """Return True if a list holds rows by name, or a row of names and rows of cells."""
+    named = isinstance(values[0], list) and all(isinstance(cell, str) for cell in values[0])
+    return named or any(isinstance(value, Mapping) for value in values)
 
 
 def _by_rows(names: Sequence[Any], rows: Sequence[Any]) -> dict[str, NDArray[Any]] | None:
