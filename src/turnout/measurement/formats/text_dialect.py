@@ -197,50 +197,37 @@ def _layout(sample: bytes) -> TextLayout:
     if separator == "," and _parts_decimals(table, max(names, default=0)):
         message = "the comma parts its columns and its decimals; export it with semicolons"
         raise ValueError(message)
-    filled = width < 2 or any(cells[-1] for cells in table)
-    named = filled or (above and len(above[-1]) == width and above[-1][-1])
-    heading = _heading(
-        above,
-        width if named else width - 1,
-        decimal if shows else None,
-        first_empty=10 * sum(bool(cells[0]) for cells in table) < len(table),
-        last_filled=filled,
-        unnamed_first=_unnamed_first(table, decimal),
-    )
+    heading = _heading(above, table, decimal, shows=shows)
     return TextLayout(encoding, separator, decimal, first_row, width, heading, sum(loose))
 
 
 def _heading(
-    rows: Sequence[Sequence[str]],
-    width: int,
-    decimal: str | None,
-    *,
-    first_empty: bool,
-    last_filled: bool,
-    unnamed_first: bool,
+    rows: Sequence[Sequence[str]], table: Sequence[Sequence[str]], mark: str, *, shows: bool
 ) -> Heading:
     """Read the rows above the numbers.
 
     Parameters
     ----------
-    rows : sequence of sequence of str
-        Cells of each row.
-    width : int
-        Columns of the table.
-    decimal : str or None
-        Decimal mark of the table; None if its numbers show none.
-    first_empty : bool
-        Whether the first column only holds the labels of the heading.
-    last_filled : bool
-        Whether the last column holds samples, so that it must have a name if another has.
-    unnamed_first : bool
-        Whether one name too few may be that of the first column.
+    rows, table : sequence of sequence of str
+        Cells of each row above the numbers, and of those below.
+    mark : str
+        Decimal mark of the table.
+    shows : bool
+        Whether its numbers show that mark.
 
     Raises
     ------
     ValueError
         When a rate or an interval is stated that is none, or a row has names for some columns.
     """
+    width, decimal = len(table[0]), mark if shows else None
+    # A column that holds samples must have a name if another has.
+    last_filled = width < 2 or any(cells[-1] for cells in table)
+    if not (last_filled or (rows and len(rows[-1]) == width and rows[-1][-1])):
+        width -= 1
+    # The first column may only hold the labels of the heading.
+    first_empty = 10 * sum(bool(cells[0]) for cells in table) < len(table)
+    unnamed_first = _unnamed_first(table, mark)
     found = Heading()
     wide: list[tuple[int, list[str]]] = []
     logger = bool(rows) and [cell.strip('"').upper() for cell in rows[0][:1]] == ["TOA5"]
