@@ -76,37 +76,24 @@ def recordings_of(
     Returns
     -------
     list of Recording or FileError
-        One, or one a throw: the error of each that cannot be read.
+        One, or one a throw: the error of each that cannot be read, as where a table holds several
+        throws and none is chosen.
 
     Raises
     ------
     FileError
-        When it holds several throws and none is chosen, or nothing can be read.
+        When no sheet of several can be read.
     """
     if isinstance(held, Recording):
         return [held]
     if isinstance(held, Table):
-        return _of_throws(held, throws) if throws else [table_recording(held)]
+        return _of_throws(held, throws or [None])
     if throws:
         tables = [sort_columns(item) for item in held if isinstance(item, Table)]
         with_throws = [table for table in tables if len(_throws(table)[0]) > 1]
         if len(with_throws) == 1:
             return _of_throws(with_throws[0], throws)
     return [_of_sheets(held)]
-
-
-def table_recording(table: Table) -> Recording:
-    """Return the recording in a table.
-
-    Raises
-    ------
-    FileError
-        When it holds several throws, or no channel; naming what is wrong.
-    """
-    (found,) = _of_throws(table, [None])
-    if isinstance(found, FileError):
-        raise found
-    return found
 
 
 def _of_throws(table: Table, throws: Sequence[str | None]) -> list[Recording | FileError]:
@@ -152,12 +139,11 @@ def _of_sheets(tables: Sequence[Table | FileError]) -> Recording:
     found: dict[str, Recording] = {}
     reasons: list[str] = []
     for table in tables:
-        try:
-            if isinstance(table, FileError):
-                raise table
-            found[table.title] = table_recording(table)
-        except FileError as error:
-            reasons.append(str(error))
+        read = table if isinstance(table, FileError) else _of_throws(table, [None])[0]
+        if isinstance(table, FileError) or isinstance(read, FileError):
+            reasons.append(str(read))
+        else:
+            found[table.title] = read
     throws = [reason for reason in reasons if "throws in one table" in reason]
     if not found or throws:
         raise FileError(throws[0] if throws else "; ".join(reasons))
