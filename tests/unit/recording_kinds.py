@@ -442,6 +442,10 @@ NUMBERS: list[Kind] = [
     ("numbers: a first row without its last cell", "Time (s);Force;Current;Power\n0.00;1.5;2.5\n"
      + "".join(f"{n * STEP:.2f};{f};{f};{f}\n" for n, f in enumerate(FORCE)),
      ("line 2 has fewer or more cells than the table",)),
+    ("numbers: blanks between, quoted names and numbers of rows", '"Time (s)" "Force" "Current"\n'
+     + "".join(f'"{n + 1}" {n * STEP:.2f} {f} {CURRENT[n]}\n' for n, f in enumerate(FORCE)), BOTH),
+    ("numbers: blanks between, all quoted", '"Time (s)" "Force" "Current"\n'
+     + "".join(f'"{n * STEP:.2f}" "{f}" "{CURRENT[n]}"\n' for n, f in enumerate(FORCE)), BOTH),
     ("numbers: first row unreadable, whole numbers",
      "Time (s),Force\nx7,3\n0.00,1\n0.04,2\n0.08,4\n", ("line 2", "'x7'")),
     ("numbers: a column with an empty line",

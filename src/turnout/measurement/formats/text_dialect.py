@@ -61,7 +61,7 @@ _NEXT_LABEL = re.compile(r"[;,]\s+(?=[^\W\d][^:=]*[:=])")
 _LABELLED = re.compile(r'\s*["#%]*\s*([^:=\t;,"]{2,60}?)\s*["]?\s*[:=]\s*(.*\S)\s*')
 
 
-_SPACED = re.compile(r"[^\s\[(]\S*[ \t]+(?:\[[^\s\[\]]*\]|\([^\s()]*\))(?!\S)|\S+")
+_SPACED = re.compile(r"\"[^\"]*\"(?!\S)|[^\s\[(]\S*[ \t]+(?:\[[^\s\[\]]*\]|\([^\s()]*\))(?!\S)|\S+")
 """Cells between spaces; a unit in brackets belongs to the name before it."""
 _WITH_UNIT = re.compile(r"[^\[\]()]+(?:\[[^\[\]()]*\]|\([^\[\]()]*\))")
 _BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
@@ -495,7 +495,9 @@ def _are_numbers(cells: Sequence[str]) -> bool:
 def split_line(line: str, separator: str) -> list[str]:
     """Return the cells of a line."""
     if separator == " ":
-        return _SPACED.findall(line)
+        return [
+            cell[1:-1] if cell[0] + cell[-1] == '""' else cell for cell in _SPACED.findall(line)
+        ]
     if not line.strip():
         return []
     try:
