@@ -1,7 +1,7 @@
 """Campaigns whose generator differs from the model that is calibrated to them, with hidden truths.
 
-    python -m benchmarks.studies.hard_campaigns [--out DIR] [--case NAME ...] [--seed N] [--write]
-                                                [--further]
+    python -m benchmarks.studies.hard_campaigns [hard|further|unlisted] [--out DIR] [--seed N]
+                                                [--case NAME ...] [--write]
 
 Each case is a documented campaign folder of 14 recordings at 1 kHz: amplifier volts, noise, mains
 hum and drift, friction that scatters by 2 % from throw to throw. The truth is solved by turnout in
@@ -15,8 +15,8 @@ The truth of a case is what its parameter means on that switch: friction is the 
 weighted by their normal force while the rail slides, a slip level the mean over the throws, the
 stiffness of a bushing the slope beyond its soft zone. For each case the table has error, interval,
 whether it covers, the verdict and the causes that are named; `--write` puts it on the page, in a
-part of its seed (`hard-N`; `hard-further-N` with `--further`), whose words around it are written by
-hand. With `--out` a run that was stopped goes on, and one that is whole is only written: delete a
+part of its group and seed (`hard-N`, `hard-further-N`), whose words around it are written by hand.
+With `--out` a run that was stopped goes on, and one that is whole is only written: delete a
 `-result.json` to calibrate its case again.
 """
 
@@ -31,8 +31,7 @@ from typing import Any
 from benchmarks.page import EVIDENCE, put_section
 from benchmarks.studies.hard_cases import (
     ALL,
-    CASES,
-    FURTHER,
+    GROUPS,
     K1,
     K2,
     MU,
@@ -104,12 +103,11 @@ def _is_right(case: Hard, causes: list[str]) -> bool:
     )
 
 
-def table(results: dict[str, dict[str, Any]], *, seed: int) -> list[str]:
-    """Return the table of all cases, and their sums."""
-    further = " --further" if set(results) <= set(FURTHER) else ""
+def table(results: dict[str, dict[str, Any]], *, group: str, seed: int) -> list[str]:
+    """Return the table of cases, and their sums."""
     lines = [
         f"14 recordings each, panel `sb1`, seed {seed}; written by `python -m "
-        f"benchmarks.studies.hard_campaigns{further} --seed {seed} --out DIR --write`. Per value: "
+        f"benchmarks.studies.hard_campaigns {group} --seed {seed} --out DIR --write`. Per value: "
         "error ± half the 95 % interval in %, and a star where it does not hold the truth.",
         "",
         "| what differs | friction | k1 | level 1 | k2 | level 2 | verdict | causes named |",
@@ -164,20 +162,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--case", choices=list(ALL), action="append")
-    parser.add_argument("--further", action="store_true", help="the further cases alone")
+    parser.add_argument("group", nargs="?", choices=list(GROUPS), default="hard")
     parser.add_argument("--seed", type=int, default=24)
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
     out = given.out or Path(tempfile.mkdtemp())
     out.mkdir(parents=True, exist_ok=True)
     results = {}
-    for name in given.case or (FURTHER if given.further else CASES):
+    for name in given.case or GROUPS[given.group]:
         results[name] = _kept_result(name, out, seed=given.seed)
         print(f"{name}: {json.dumps(results[name])}", flush=True)
-    lines = table(results, seed=given.seed)
+    lines = table(results, group=given.group, seed=given.seed)
     print("\n".join(lines))
     if given.write:
-        kind = "further-" if given.further else ""
+        kind = "" if given.group == "hard" else f"{given.group}-"
         heading = f"Where model or sensors are wrong, seed {given.seed}"
         put_section(PAGE, name=f"hard-{kind}{given.seed}", heading=heading, lines=lines)
 

@@ -56,6 +56,9 @@ LEAD, AVERAGE, SOFT = 0.15, 0.1, 2e-3
 # share of its stiffness, cut-off of the recorder's filter [Hz], a gain of all channels [-].
 PLAY, SOFTENS, SOFTENED, CUT_OFF, ALIKE = 1.5e-3, 0.7, 0.35, 6.0, 0.012
 LAG = 0.12
+# By which a rail is longer [m]; of friction and slip levels, the share on a day 20 K colder [-].
+LONGER = 0.6
+COLDER = {MU: 1.15, S1: 1.02, S2: 1.02}
 # Of the recorder's seconds, as a share too short [-].
 CLOCK = 0.01
 HUMMING = Transducer(noise=5.0, drift=3.0, hum=60.0, step=40e3 / 2**16)
@@ -75,7 +78,7 @@ class Hard:
     cause, drive : str
         Name of the cause, and the drive that it is of; empty where nothing differs, or for all.
     overrides : callable
-        Of the panel, for one throw, from the generator of that throw.
+        Of the panel, from the generator and the number of a throw.
     truth : callable
         From the true panel's usual truth and the overrides of all throws to the true values.
     seen : callable
@@ -95,7 +98,7 @@ class Hard:
     what: str
     cause: str = ""
     drive: str = ""
-    overrides: Callable[[np.random.Generator], dict[str, object]] = lambda rng: {}
+    overrides: Callable[[np.random.Generator, int], dict[str, object]] = lambda rng, number: {}
     truth: Callable[[LoadedPanel, list[dict[str, object]]], Values] = lambda panel, made: {}
     seen: Callable[[xr.Dataset, int], xr.Dataset] = lambda dataset, number: dataset
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -180,7 +183,7 @@ def dead(dataset: xr.Dataset, number: int) -> xr.Dataset:
     )
 
 
-def soft_bushings(rng: np.random.Generator) -> dict[str, object]:
+def soft_bushings(rng: np.random.Generator, number: int) -> dict[str, object]:
     """Return bushings with a quarter of their stiffness over the first 2 mm to either side."""
     found: dict[str, object] = {}
     for drive, k, level in (("1", TRUTH[K1], TRUTH[S1]), ("2", TRUTH[K2], TRUTH[S2])):
@@ -200,12 +203,12 @@ def _table(drive: str, points: tuple[tuple[float, float], ...]) -> dict[str, obj
     }
 
 
-def with_play(rng: np.random.Generator) -> dict[str, object]:
+def with_play(rng: np.random.Generator, number: int) -> dict[str, object]:
     """Return a drive 1 that has play before it pushes."""
     return _table("1", ((PLAY, 1.0), (PLAY + TRUTH[S1] / TRUTH[K1], TRUTH[S1])))
 
 
-def with_knee(rng: np.random.Generator) -> dict[str, object]:
+def with_knee(rng: np.random.Generator, number: int) -> dict[str, object]:
     """Return a drive 2 that softens before it slips."""
     first = SOFTENS * TRUTH[S2]
     bend = first / TRUTH[K2]
@@ -213,7 +216,7 @@ def with_knee(rng: np.random.Generator) -> dict[str, object]:
     return _table("2", ((bend, first), (knee, TRUTH[S2])))
 
 
-def by_chair(rng: np.random.Generator) -> dict[str, object]:
+def by_chair(rng: np.random.Generator, number: int) -> dict[str, object]:
     """Return friction of 0.2 to 0.6 from chair to chair, and rails 20 % more compliant."""
     chairs = np.random.default_rng(24).uniform(0.2, 0.6, 16)
     names = load_panel("sb1").chair
@@ -224,9 +227,27 @@ def by_chair(rng: np.random.Generator) -> dict[str, object]:
     return {**shares, "section.prismatic.second_moment_lateral": 7.4e-6 / 1.2}
 
 
-def worn(rng: np.random.Generator) -> dict[str, object]:
+def worn(rng: np.random.Generator, number: int) -> dict[str, object]:
     """Return a clutch of drive 2 that slips 6 % higher, scattering by 5 %."""
     return {S2: TRUTH[S2] * (1.06 + 0.05 * float(rng.standard_normal()))}
+
+
+def longer(rng: np.random.Generator, number: int) -> dict[str, object]:
+    """Return a rail that is 0.6 m longer between its last chair and its first fastening."""
+    fastenings = load_panel("sb1").fastening
+    moved = {f"fastening.{name}.x": item.x + LONGER for name, item in fastenings.items()}
+    return {**moved, "rail.switch.end": 14.0 + LONGER}
+
+
+def of_day(rng: np.random.Generator, number: int) -> dict[str, object]:
+    """Return friction and slip levels of two days, of which the second is colder."""
+    shares = COLDER if number >= len(THROWS) // 2 else dict.fromkeys(COLDER, 1.0)
+    return {key: TRUTH[key] * share for key, share in shares.items()}
+
+
+def mean_of_days(panel: LoadedPanel, made: list[dict[str, object]]) -> Values:
+    """Return friction and slip levels as means over the throws."""
+    return {key: float(np.mean([float(str(item[key])) for item in made])) for key in COLDER}
 
 
 def mean_level(panel: LoadedPanel, made: list[dict[str, object]]) -> Values:
@@ -271,7 +292,7 @@ CASES: dict[str, Hard] = {
     "sections": Hard(
         what="lateral second moment 10 % and area 3 % larger",
         cause="sections",
-        overrides=lambda rng: {
+        overrides=lambda rng, number: {
             "section.prismatic.second_moment_lateral": 1.1 * 7.4e-6,
             "section.prismatic.area": 1.03 * 9.3e-3,
         },
@@ -331,7 +352,18 @@ UNLISTED: dict[str, Hard] = {
     "softer": Hard(
         what="rails 8 % softer",
         cause="sections",
-        overrides=lambda rng: {"material.youngs_modulus": 0.92 * 210e9},
+        overrides=lambda rng, number: {"material.youngs_modulus": 0.92 * 210e9},
+    ),
+    "cross-talk": Hard(
+        what="each rod reads 2 % of the other's force", disturbance=Disturbance(cross_talk=0.02)
+    ),
+    "longer": Hard(
+        what="fastenings begin 0.6 m further from the toe", cause="sections", overrides=longer
+    ),
+    "days": Hard(
+        what="friction 15 % and slip levels 2 % higher on the second of two days",
+        overrides=of_day,
+        truth=mean_of_days,
     ),
     "both": Hard(
         what="objects 1 mm thicker, and play of 1.5 mm before drive 1 pushes",
@@ -341,6 +373,7 @@ UNLISTED: dict[str, Hard] = {
         thicker=1e-3,
     ),
 }
+GROUPS = {"hard": CASES, "further": FURTHER, "unlisted": UNLISTED}
 ALL = {**CASES, **FURTHER, **UNLISTED}
 
 
@@ -374,7 +407,7 @@ def make(case: Hard, folder: Path, *, seed: int) -> Values:
     rows, made = [], []
     for number, (direction, place, size) in enumerate(THROWS):
         rng = np.random.default_rng([seed, number])
-        changed = case.overrides(rng)
+        changed = case.overrides(rng, number)
         made.append(changed)
         run = simulate(
             _scattered(panel.with_overrides(changed), rng),
