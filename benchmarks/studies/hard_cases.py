@@ -56,9 +56,9 @@ LEAD, AVERAGE, SOFT = 0.15, 0.1, 2e-3
 # share of its stiffness, cut-off of the recorder's filter [Hz], a gain of all channels [-].
 PLAY, SOFTENS, SOFTENED, CUT_OFF, ALIKE = 1.5e-3, 0.7, 0.35, 6.0, 0.012
 LAG = 0.12
-# By which a rail is longer [m]; of friction and slip levels, the share on a day 20 K colder [-].
+# By which a rail is longer [m]; friction of a day that is colder, as a share of that before [-].
 LONGER = 0.6
-COLDER = {MU: 1.15, S1: 1.02, S2: 1.02}
+COLDER = 1.15
 # Of the recorder's seconds, as a share too short [-].
 CLOCK = 0.01
 HUMMING = Transducer(noise=5.0, drift=3.0, hum=60.0, step=40e3 / 2**16)
@@ -240,14 +240,13 @@ def longer(rng: np.random.Generator, number: int) -> dict[str, object]:
 
 
 def of_day(rng: np.random.Generator, number: int) -> dict[str, object]:
-    """Return friction and slip levels of two days, of which the second is colder."""
-    shares = COLDER if number >= len(THROWS) // 2 else dict.fromkeys(COLDER, 1.0)
-    return {key: TRUTH[key] * share for key, share in shares.items()}
+    """Return friction of two days, of which the second is colder."""
+    return {MU: TRUTH[MU] * (COLDER if number >= len(THROWS) // 2 else 1.0)}
 
 
 def mean_of_days(panel: LoadedPanel, made: list[dict[str, object]]) -> Values:
-    """Return friction and slip levels as means over the throws."""
-    return {key: float(np.mean([float(str(item[key])) for item in made])) for key in COLDER}
+    """Return friction as the mean over the throws."""
+    return {MU: float(np.mean([float(str(item[MU])) for item in made]))}
 
 
 def mean_level(panel: LoadedPanel, made: list[dict[str, object]]) -> Values:
@@ -355,13 +354,15 @@ UNLISTED: dict[str, Hard] = {
         overrides=lambda rng, number: {"material.youngs_modulus": 0.92 * 210e9},
     ),
     "cross-talk": Hard(
-        what="each rod reads 2 % of the other's force", disturbance=Disturbance(cross_talk=0.02)
+        what="each rod reads 2 % of the other's force",
+        cause="cross-talk",
+        disturbance=Disturbance(cross_talk=0.02),
     ),
     "longer": Hard(
         what="fastenings begin 0.6 m further from the toe", cause="sections", overrides=longer
     ),
     "days": Hard(
-        what="friction 15 % and slip levels 2 % higher on the second of two days",
+        what="friction 15 % higher on the second of two days",
         overrides=of_day,
         truth=mean_of_days,
     ),

@@ -449,6 +449,7 @@ def _comparison(
         scatter={p.name: p.scatter for p in plan.parameters if p.scatter > 0},
         uncertainty=known,
         common_zero=known.common_zero,
+        cross_talk=known.cross_talk,
         clock=float(dataset.attrs.get("clock_uncertainty", known.clock)),
     )
     return replace(comparison, gains=stated_gains(dataset, comparison))
@@ -504,7 +505,7 @@ class _Run:
                 starts = [values]
             if "fit" in stage.method:
                 last = number == len(self.plan.stages)
-                rough = replace(misfit.comparison, gains={}, common_zero=0.0)
+                rough = replace(misfit.comparison, gains={}, common_zero=0.0, cross_talk=0.0)
                 near = replace(leading, quick=True, comparison=rough)
                 final = nearest_fit(near, parameters, starts)
                 if last:

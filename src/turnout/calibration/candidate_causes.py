@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from turnout.calibration.measured_movements import (
     own_places,
     own_thicknesses,
 )
+from turnout.calibration.shared import CROSS_TALK
 from turnout.calibration.stages import MILLIMETRE, Fitted, Parameter, free_parameter, known_to
 from turnout.core.errors import PanelError
 from turnout.measurement.chain.recorder import (
@@ -153,6 +155,8 @@ RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))
 LEAST_DELAY = 1e-5
 # Of an over-travel that differs [m].
 LEAST_OVER_TRAVEL = 5e-5
+# Of cross-talk, how much is expected where there is any, and what is none [-].
+TALK_SPREAD, LEAST_TALK = 0.02, 2e-3
 LEAST_SECTIONS = 0.005  # a modulus that is off by less takes up what is another cause's [-]
 # Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
 # of all, as a share of that [-].
@@ -338,7 +342,13 @@ def candidate_causes(
     """Return the causes that are tested, the cheap ones first; of objects, those of movements."""
     known = {item.name for item in parameters}
     tables = [_table(panel, name) for name in panel.drive]
-    found = [*_recorders(), *_bushings(panel), *tables, *_clutches(panel, known)]
+    found = [
+        *_recorders(),
+        *_cross_talk(panel),
+        *_bushings(panel),
+        *tables,
+        *_clutches(panel, known),
+    ]
     found += [law for name in panel.drive for law in (_lag(name), *_drive_tables(panel, name))]
     if MODULUS not in known:
         found += _sections(panel)
@@ -456,6 +466,37 @@ def _recorder_cause(
         refined=True,
         shape=shape,
     )
+
+
+def _cross_talk(panel: LoadedPanel) -> list[Cause]:
+    """Return gauges of drives that take up a share of the force of each other drive."""
+    pairs = {f"cross_talk.{a}.{b}": (a, b) for a, b in permutations(panel.drive, 2)}
+
+    def shape(response: Response, values: Mapping[str, float]) -> Response:
+        if response.failure:
+            return response
+        forces = dict(response.drive_force)
+        for key, (drive, other) in pairs.items():
+            forces[drive] = forces[drive] + values[key] * response.drive_force[other]
+        return replace(response, drive_force=forces)
+
+    def text(sizes: Sequence[float]) -> str:
+        parts = [
+            f"{100 * size:.2g} % of the force of drive {other} in the gauges of drive {drive}"
+            for (drive, other), size in zip(pairs.values(), sizes, strict=True)
+        ]
+        return " and ".join(parts)
+
+    found = Cause(
+        name=CROSS_TALK,
+        text=text,
+        parameters=tuple(_linear(k, 0.5, "1", lower=-0.5, prior=TALK_SPREAD) for k in pairs),
+        tries=(0.01,) * len(pairs),
+        smooth=True,
+        least=LEAST_TALK,
+        shape=shape,
+    )
+    return [found] if pairs else []
 
 
 def _stiffer_beyond(

@@ -407,8 +407,8 @@ class Comparison:
     gains : mapping of (channel, drive) to float
         Standard deviation of the sensitivity that all movements share [-]; empty where neither
         gains nor zeros nor the clock are unknowns.
-    common_zero, clock : float
-        As of `Uncertainty` [N, -]; 0 for none.
+    common_zero, clock, cross_talk : float
+        As of `Uncertainty` [N, -, -]; 0 for none.
     discrepancy : mapping of (channel, drive, direction) to (float, float)
         Size [N] and correlation time [s] of what the model misses alike in all movements.
     lead : float
@@ -428,6 +428,7 @@ class Comparison:
     gains: Mapping[Key, float] = field(default_factory=dict)
     common_zero: float = 0.0
     clock: float = 0.0
+    cross_talk: float = 0.0
     discrepancy: Mapping[tuple[str, str, str], tuple[float, float]] = field(default_factory=dict)
     lead: float = 0.0
     rate: float = 0.0

@@ -12,9 +12,9 @@ from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, 
 from turnout.calibration.comparison import Alignment, Key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
-from turnout.calibration.measured_movements import MeasuredMovement, is_of_object
+from turnout.calibration.measured_movements import is_of_object
 from turnout.calibration.misfit import shared_estimates
-from turnout.calibration.shared import GAIN
+from turnout.calibration.shared import GAIN, measured_at
 from turnout.calibration.stages import Parameter, prior_information
 from turnout.core.value_text import value_text
 
@@ -111,17 +111,9 @@ def plain_gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Flo
         row = np.zeros(alignment.measured.size)
         for signal, bins, place in alignment.pieces:
             if (signal.channel, signal.drive) == key:
-                row[place] = _measured_at(alignment.movement, source, bins)
+                row[place] = measured_at(alignment.movement, source, bins)
         rows.append(alignment.whitened(row))
     return np.concatenate(rows)
-
-
-def _measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
-    """Return what was measured of a channel in some bins, 0 where there is nothing."""
-    for signal in movement.signals:
-        if (signal.channel, signal.drive) == source:
-            return np.asarray(np.nan_to_num(signal.values[bins]), dtype=np.float64)
-    return np.zeros(bins.size)
 
 
 def moves_by(found: Fit, column: Floats) -> Floats:
@@ -246,23 +238,13 @@ def solver_columns(found: Fit) -> list[Floats]:
     return [np.concatenate(rows) for rows in (step, modes) if rows]
 
 
-def model_columns(found: Fit) -> list[Floats]:
-    """Return cross-talk of each pair of channels, and the scale of the model's forces.
+def scale_column(found: Fit) -> Floats:
+    """Return the change of the residuals with one deviation of the scale of the model's forces.
 
-    As changes of the residuals, each for one standard deviation, whitened movement by movement
-    alone.
+    Whitened movement by movement alone.
     """
-    channels, known = force_channels(found), found.misfit.comparison.uncertainty
-    scale = [plain_gain_column(found, key) for key in channels]
-    return [
-        *(
-            known.cross_talk * plain_gain_column(found, key, source=source)
-            for key in channels
-            for source in channels
-            if key != source
-        ),
-        known.scale * np.sum(scale, axis=0),
-    ]
+    columns = [plain_gain_column(found, key) for key in force_channels(found)]
+    return np.asarray(found.misfit.comparison.uncertainty.scale * np.sum(columns, axis=0))
 
 
 def _of_chairs(found: Fit) -> Floats:
@@ -404,7 +386,7 @@ def _scale_finding(found: Fit) -> list[str]:
 
 
 def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
-    """Return the covariance that gains and cross-talk, wrong in all movements alike, add.
+    """Return the covariance that gains and cross-talk add where no column of the fit has them.
 
     Parameters
     ----------
@@ -415,13 +397,9 @@ def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
     """
     comparison, channels = found.misfit.comparison, force_channels(found)
     uncertainty = comparison.uncertainty
-    # A gain that is in the likelihood is in the sensitivities already.
+    talk = 0.0 if comparison.cross_talk else uncertainty.cross_talk
     moves = [
-        (
-            (0.0 if key in comparison.gains else uncertainty.common_gain)
-            if key == source
-            else uncertainty.cross_talk
-        )
+        ((0.0 if key in comparison.gains else uncertainty.common_gain) if key == source else talk)
         * (estimate @ gain_column(found, key, source=source))
         for key in channels
         for source in channels

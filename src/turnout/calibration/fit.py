@@ -656,6 +656,7 @@ def with_sensors_held(comparison: Comparison, share: float) -> Comparison:
         gains={key: share * size for key, size in comparison.gains.items()},
         common_zero=share * comparison.common_zero,
         clock=share * comparison.clock,
+        cross_talk=share * comparison.cross_talk,
     )
 
 

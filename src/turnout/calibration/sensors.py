@@ -17,11 +17,11 @@ from scipy.special import chdtrc, ndtr
 
 from turnout.calibration.candidate_causes import MODULUS
 from turnout.calibration.comparison import Comparison, Key
-from turnout.calibration.covariance import common_gain, model_columns, solver_columns
+from turnout.calibration.covariance import common_gain, scale_column, solver_columns
 from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import is_of_object, is_thickness
 from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
-from turnout.calibration.shared import CLOCK, GAIN, ZERO, SensorColumn
+from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, SensorColumn
 from turnout.calibration.stages import Parameter, coordinates, prior_residuals, prior_slopes
 from turnout.core.value_text import value_text
 
@@ -242,13 +242,16 @@ class FoundSensor:
         """Name in texts."""
         if self.column.kind == CLOCK:
             return "clock of the recorder"
-        where = f"gauges of drive {self.column.drive}" if self.column.drive else "load cell"
+        where = _channel(self.column.drive)
+        if self.column.kind == CROSS_TALK:
+            return f"{where} of the force of the {_channel(self.column.source[1])}"
         return f"zero of the {where}" if self.column.kind == ZERO else where
 
     @property
     def key(self) -> str:
         """Key of a calibration's `chain`."""
-        return chain_key(self.column.kind, self.column.channel, self.column.drive)
+        own = self.column
+        return chain_key(own.kind, own.channel, own.drive, source=own.source)
 
     @property
     def text(self) -> str:
@@ -288,6 +291,7 @@ class FoundSensor:
             "channel map, or look for another cause",
             ZERO: "zero the channel with the rail unloaded, or look for another cause",
             CLOCK: "check the sampling rate that the recorder states, or look for another cause",
+            CROSS_TALK: "load one channel alone and look at the others, or look for another cause",
         }
         return f"{self.text}: further off than was stated; {remedy[self.column.kind]}"
 
@@ -296,6 +300,8 @@ class FoundSensor:
         """Name of the cause that it is where the movements show it; empty where they do not."""
         if abs(self.value) <= max(CLEAR * self.deviation, self.stated):
             return ""
+        if self.column.kind == CROSS_TALK:
+            return CROSS_TALK if self.leaves else ""
         return {GAIN: "gain", ZERO: "zero", CLOCK: "timing"}[self.column.kind]
 
     @property
@@ -304,15 +310,22 @@ class FoundSensor:
         return abs(self.value) > LEAVES_PRIOR * self.stated
 
 
-def chain_key(kind: str, channel: str = "", drive: str = "") -> str:
+def _channel(drive: str) -> str:
+    return f"gauges of drive {drive}" if drive else "load cell"
+
+
+def chain_key(kind: str, channel: str = "", drive: str = "", *, source: Key = ("", "")) -> str:
     """Return the key of an unknown of the measuring chain.
 
     Examples
     --------
     >>> chain_key(GAIN, "drive_force", "1"), chain_key(ZERO, "object_force"), chain_key(CLOCK)
     ('gain drive_force.1', 'zero object_force', 'clock')
+    >>> chain_key(CROSS_TALK, "drive_force", "1", source=("object_force", ""))
+    'cross-talk drive_force.1 object_force'
     """
-    return f"{kind} {f'{channel}.{drive}'.strip('.')}".strip()
+    names = [".".join(filter(None, key)) for key in ((channel, drive), source)]
+    return " ".join(filter(None, (kind, *names)))
 
 
 def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float]:
@@ -349,7 +362,7 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
 
     .. math:: \begin{pmatrix} J^T J & -J^T B \\ -B^T J & I + B^T B \end{pmatrix}^{-1}
 
-    and cross-talk, the scale of the model, step, mesh and modes of the solver, each an error of all
+    and the scale of the model, step, mesh and modes of the solver, each an error of all
     movements alike, add the squares of what they do to them.
 
     Parameters
@@ -367,7 +380,7 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
     joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + shared.gram]])
     inverse = np.linalg.inv(joint)
     variance = np.diag(inverse)[count:].copy()
-    for column in (*model_columns(found), *solver_columns(found)):
+    for column in (scale_column(found), *solver_columns(found)):
         move = inverse @ np.concatenate([-J.T @ column, B.T @ column])
         variance += move[count:] ** 2
     deviations = np.sqrt(variance)

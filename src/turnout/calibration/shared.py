@@ -15,6 +15,7 @@ it out, so intervals do not shrink below it.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ LEAST_SHARED, LEAST_SIZE = 0.3, 1e-6
 LEAST_MOVEMENTS = 3
 DiscrepancyKey = tuple[str, str, str]
 """Channel, drive and direction."""
-GAIN, ZERO, CLOCK = "gain", "zero", "clock"
+GAIN, ZERO, CLOCK, CROSS_TALK = "gain", "zero", "clock", "cross-talk"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,16 +52,19 @@ class SensorColumn:
     Attributes
     ----------
     kind : str
-        `GAIN`, `ZERO` or `CLOCK`.
+        `GAIN`, `ZERO`, `CLOCK` or `CROSS_TALK`.
     channel, drive : str
         Of the schema; empty for the clock.
+    source : tuple of str
+        Channel and drive that cross-talk comes from.
     stated : float
-        Standard deviation before the measurement [-, N, -].
+        Standard deviation before the measurement [-, N, -, -].
     """
 
     kind: str
     channel: str = ""
     drive: str = ""
+    source: Key = ("", "")
     stated: float
 
 
@@ -149,7 +153,7 @@ def _places(alignment: Alignment) -> list[tuple[Key, Floats, slice]]:
 
 
 def sensor_columns(comparison: Comparison) -> tuple[SensorColumn, ...]:
-    """Return the unknowns of the measuring chain: gains, zeros, then the clock."""
+    """List the unknowns of the measuring chain: gains, zeros, cross-talk, then the clock."""
     found = [
         SensorColumn(kind=GAIN, channel=channel, drive=drive, stated=share)
         for (channel, drive), share in comparison.gains.items()
@@ -159,6 +163,17 @@ def sensor_columns(comparison: Comparison) -> tuple[SensorColumn, ...]:
         found += [
             SensorColumn(kind=ZERO, channel=channel, drive=drive, stated=comparison.common_zero)
             for channel, drive in comparison.noise
+        ]
+    if comparison.cross_talk > 0.0:
+        found += [
+            SensorColumn(
+                kind=CROSS_TALK,
+                channel=channel,
+                drive=drive,
+                source=source,
+                stated=comparison.cross_talk,
+            )
+            for (channel, drive), source in permutations(comparison.noise, 2)
         ]
     if comparison.clock > 0.0:
         found.append(SensorColumn(kind=CLOCK, stated=comparison.clock))
@@ -172,15 +187,26 @@ def _sensor_block(alignment: Alignment, sensors: Sequence[SensorColumn]) -> Floa
     :math:`F(t / (1 + c)) \approx F(t) - c t \dot F(t)`.
     """
     block = np.zeros((alignment.measured.size, len(sensors)))
-    places = _places(alignment)
     for column, item in enumerate(sensors):
-        for key, _, place in places:
+        for signal, bins, place in alignment.pieces:
+            scale: Floats | float = 0.0
             if item.kind == CLOCK:
-                block[place, column] = item.stated * alignment.clock[place]
-            elif key == (item.channel, item.drive):
-                scale = alignment.measured[place] if item.kind == GAIN else 1.0
-                block[place, column] = item.stated * scale
+                scale = alignment.clock[place]
+            elif (signal.channel, signal.drive) == (item.channel, item.drive):
+                if item.kind == CROSS_TALK:
+                    scale = measured_at(alignment.movement, item.source, bins)
+                else:
+                    scale = alignment.measured[place] if item.kind == GAIN else 1.0
+            block[place, column] = item.stated * scale
     return block
+
+
+def measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
+    """Return what was measured of a channel in some bins, 0 where there is nothing."""
+    for signal in movement.signals:
+        if (signal.channel, signal.drive) == source:
+            return np.asarray(np.nan_to_num(signal.values[bins]), dtype=np.float64)
+    return np.zeros(bins.size)
 
 
 def _discrepancy_columns(
@@ -364,7 +390,9 @@ def effective_samples(alignments: Sequence[Alignment], comparison: Comparison) -
     with the covariance of noise and of both discrepancies, over all movements together, and the
     variance of a bin: what all movements share counts once only.
     """
-    modes = shared_of(alignments, replace(comparison, gains={}, common_zero=0.0, clock=0.0))
+    modes = shared_of(
+        alignments, replace(comparison, gains={}, common_zero=0.0, clock=0.0, cross_talk=0.0)
+    )
     blocks = (
         modes.plain if modes is not None else [np.zeros((a.measured.size, 0)) for a in alignments]
     )

@@ -16,13 +16,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
-from turnout.calibration.comparison import Comparison, predicted
+from turnout.calibration.comparison import Comparison, Key, predicted
 from turnout.calibration.evaluate import Evaluator, Response, throws_done
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal, later
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.result import Calibration
 from turnout.calibration.sensors import chain_key
-from turnout.calibration.shared import CLOCK, GAIN, ZERO
+from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO
 
 Floats = NDArray[np.float64]
 OBJECT, DRIVE = "object", "drive "
@@ -131,9 +131,10 @@ def through_chain(
 ) -> Floats:
     r"""Return forces as the chain of a campaign shows them.
 
-    .. math:: F_{seen} = (1 + g) F - c \, t \dot F + z
+    .. math:: F_{seen} = (1 + g) F + \sum_o x_o F_o - c \, t \dot F + z
 
-    with gain `g` and zero `z` of each channel, and the share `c` by which seconds are too short.
+    with gain `g` and zero `z` of each channel, cross-talk `x` from each other one, and the share
+    `c` by which seconds are too short.
 
     Parameters
     ----------
@@ -145,43 +146,50 @@ def through_chain(
         From `found_chain`.
     """
     gain, clock, zero = _of_chain(grid, chain, 0)
-    return np.asarray((1.0 + gain) * forces + clock * grid.time * later + zero)
+    mixed = forces + np.tensordot(gain, forces, axes=1)
+    return np.asarray(mixed + clock * grid.time * later + zero)
 
 
 def chain_directions(
     forces: Floats, later: Floats, grid: SharedBins, chain: Mapping[str, tuple[float, float]]
 ) -> Floats:
-    """Return what one deviation of gains, zeros and clock makes of forces [N]; as `through_chain`.
+    """Return what one deviation of each unknown of the chain makes of forces [N].
 
-    Shape (3, n_channels, n_movements, n_times). Each channel has gain and zero of its own, so that
+    As `through_chain`: gain or cross-talk from each channel, clock and zeros, shape
+    (n_channels + 2, n_channels, n_movements, n_times). Each channel has values of its own, so that
     sums over channels of these mean nothing.
     """
     gain, clock, zero = _of_chain(grid, chain, 1)
+    of_sources = gain.T[:, :, np.newaxis, np.newaxis] * forces[:, np.newaxis]
     zeros = np.broadcast_to(zero, forces.shape)
-    return np.stack([gain * forces, clock * grid.time * later, zeros])
+    return np.stack([*of_sources, clock * grid.time * later, zeros])
 
 
 def _of_chain(
     grid: SharedBins, chain: Mapping[str, tuple[float, float]], which: int
 ) -> tuple[Floats, float, Floats]:
-    """Return gains, clock and zeros, those of channels of shape (n_channels, 1, 1); 0 for none.
+    """Return gains on the diagonal of a matrix of cross-talk, clock and zeros; 0 for none.
 
-    `which` is 0 for values and 1 for deviations.
+    Of channels by their sources, shape (n_channels, n_channels), and of channels, shape
+    (n_channels, 1, 1). `which` is 0 for values and 1 for deviations.
     """
-    gains, zeros = (
+
+    def value(kind: str, *key: str, source: Key = ("", "")) -> float:
+        return chain.get(chain_key(kind, *key, source=source), (0.0, 0.0))[which]
+
+    keys = [
+        ("object_force", "") if name == OBJECT else ("drive_force", name.removeprefix(DRIVE))
+        for name in grid.channels
+    ]
+    gains = [
         [
-            chain.get(
-                chain_key(kind, "object_force", "")
-                if name == OBJECT
-                else chain_key(kind, "drive_force", name.removeprefix(DRIVE)),
-                (0.0, 0.0),
-            )[which]
-            for name in grid.channels
+            value(GAIN, *key) if key == other else value(CROSS_TALK, *key, source=other)
+            for other in keys
         ]
-        for kind in (GAIN, ZERO)
-    )
-    clock = chain.get(CLOCK, (0.0, 0.0))[which]
-    return np.reshape(gains, (-1, 1, 1)), clock, np.reshape(zeros, (-1, 1, 1))
+        for key in keys
+    ]
+    zeros = [value(ZERO, *key) for key in keys]
+    return np.array(gains), value(CLOCK), np.reshape(zeros, (-1, 1, 1))
 
 
 # As far as a marked onset may be off, and how finely this is searched at first [s].
