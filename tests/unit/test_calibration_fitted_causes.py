@@ -34,3 +34,21 @@ def test_a_recorder_that_averages_is_in_predictions_but_not_in_the_panel() -> No
     late = shaped(causes, made, known.values).drive_force["1"]
     assert np.abs(late - made.drive_force["1"]).max() > 100.0
     assert fitted_causes(panel, plain.parameters) == ()
+
+
+def test_cross_talk_is_of_the_forces_without_it_and_may_be_one_way() -> None:
+    panel, plain = load_panel("sb1"), calibration()
+    sizes = {"cross_talk.1.2": 0.03, "cross_talk.2.1": 0.0}
+    talks = tuple(replace(fitted(name, value, unit="1"), keys=()) for name, value in sizes.items())
+    known = replace(plain, parameters=(*plain.parameters, *talks))
+    (cause,) = fitted_causes(panel, known.parameters)
+    made = response(TRUE)
+    both = replace(made, drive_force={"1": made.drive_force["1"], "2": -2.0 * made.object_force})
+    seen = shaped((cause,), both, known.values).drive_force
+    expected = both.drive_force["1"] + 0.03 * both.drive_force["2"]
+    np.testing.assert_allclose(seen["1"], expected)
+    np.testing.assert_array_equal(seen["2"], both.drive_force["2"])
+    assert cause.text(cause.sizes_in(known.values)) == (
+        "3 % of the force of drive 2 in the gauges of drive 1 and "
+        "0 % of the force of drive 1 in the gauges of drive 2"
+    )

@@ -46,6 +46,22 @@ def test_a_force_is_seen_through_gain_zero_and_clock() -> None:
     assert not chain_directions(plain, later, grid, {}).any()
 
 
+def test_a_force_is_seen_with_a_share_of_each_other_one() -> None:
+    item = movement("m", rng=np.random.default_rng(0))
+    grid = replace(SharedBins.of([item]), channels=("drive 1", "drive 2", "object"))
+    plain = np.random.default_rng(1).uniform(-6e3, 6e3, (3, 1, grid.time.size))
+    chain = {
+        "cross-talk drive_force.1 drive_force.2": (0.02, 1e-3),
+        "cross-talk object_force drive_force.1": (-0.01, 2e-3),
+    }
+    first, second, third = plain
+    seen = through_chain(plain, 0.0 * plain, grid, chain)
+    np.testing.assert_allclose(seen, [first + 0.02 * second, second, third - 0.01 * first])
+    known = (chain_directions(plain, 0.0 * plain, grid, chain) ** 2).sum(axis=0)
+    nothing = np.zeros_like(first)
+    np.testing.assert_allclose(known, [(1e-3 * second) ** 2, nothing, (2e-3 * first) ** 2])
+
+
 def test_a_chain_is_kept_with_the_values_and_is_that_of_one_channel_map(tmp_path: Path) -> None:
     known = replace(calibration(), chain=CHAIN, about={"channel_map_hash": "a"})
     known.save(tmp_path / "c.toml")

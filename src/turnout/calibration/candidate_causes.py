@@ -155,6 +155,8 @@ RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))
 LEAST_DELAY = 1e-5
 # Of an over-travel that differs [m].
 LEAST_OVER_TRAVEL = 5e-5
+# What names of cross-talk begin with: in the gauges of a drive, of another.
+TALK = "cross_talk."
 # Of cross-talk, how much is expected where there is any, and what is none [-].
 TALK_SPREAD, LEAST_TALK = 0.02, 2e-3
 LEAST_SECTIONS = 0.005  # a modulus that is off by less takes up what is another cause's [-]
@@ -470,27 +472,28 @@ def _recorder_cause(
 
 def _cross_talk(panel: LoadedPanel) -> list[Cause]:
     """Return gauges of drives that take up a share of the force of each other drive."""
-    pairs = {f"cross_talk.{a}.{b}": (a, b) for a, b in permutations(panel.drive, 2)}
+    pairs = list(permutations(panel.drive, 2))
+    keys = [f"{TALK}{drive}.{other}" for drive, other in pairs]
 
     def shape(response: Response, values: Mapping[str, float]) -> Response:
         if response.failure:
             return response
-        forces = dict(response.drive_force)
-        for key, (drive, other) in pairs.items():
-            forces[drive] = forces[drive] + values[key] * response.drive_force[other]
+        alone, forces = response.drive_force, dict(response.drive_force)
+        for drive, other in permutations(alone, 2):
+            forces[drive] = forces[drive] + values[f"{TALK}{drive}.{other}"] * alone[other]
         return replace(response, drive_force=forces)
 
     def text(sizes: Sequence[float]) -> str:
         parts = [
             f"{100 * size:.2g} % of the force of drive {other} in the gauges of drive {drive}"
-            for (drive, other), size in zip(pairs.values(), sizes, strict=True)
+            for (drive, other), size in zip(pairs, sizes, strict=True)
         ]
         return " and ".join(parts)
 
     found = Cause(
         name=CROSS_TALK,
         text=text,
-        parameters=tuple(_linear(k, 0.5, "1", lower=-0.5, prior=TALK_SPREAD) for k in pairs),
+        parameters=tuple(_linear(k, 0.5, "1", lower=-0.5, prior=TALK_SPREAD) for k in keys),
         tries=(0.01,) * len(pairs),
         smooth=True,
         least=LEAST_TALK,
