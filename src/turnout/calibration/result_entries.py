@@ -117,7 +117,7 @@ def record_of(
             *object_lines(objects, leaves=LEAVES_PRIOR),
         ),
         fitted_causes=fitted,
-        sensors=tuple(item.text for item in sensors),
+        sensors=tuple(item.text for item in sensors if item.is_shown),
         chain={item.key: (item.value, item.deviation) for item in sensors},
         effects=movement_rows(final),
         objects=objects,
