@@ -7,7 +7,8 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
 from turnout.calibration import cause_trials, starts
-from turnout.calibration.candidate_causes import SOFTNESS, Cause, candidate_causes, soft_bushing
+from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
+from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
     DECISIVE,
