@@ -17,8 +17,8 @@ from turnout.core.workers import Workers
 from turnout.detection.alarm_threshold import RATES, thresholds_of
 from turnout.detection.detector.interval_widths import (
     AT_ONCE,
-    Answers,
     Misses,
+    ThrowAnswers,
     Tried,
     answers_of,
     factor_of,
@@ -253,13 +253,13 @@ class _Judging:
         Of sound throws.
     group : ndarray of int, shape (n_sound,)
         Of their switches.
-    answers : list of Answers
+    answers : list of ThrowAnswers
         Of some, and of throws with objects.
     """
 
     sound: Judged
     group: NDArray[np.intp]
-    answers: list[Answers]
+    answers: list[ThrowAnswers]
 
 
 def _judge_alone(

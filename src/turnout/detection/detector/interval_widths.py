@@ -48,7 +48,7 @@ class Tried:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answer:
+class ThrowAnswer:
     """Answer to a throw: by how many half-intervals it misses what is true.
 
     Attributes
@@ -71,7 +71,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answers:
+class ThrowAnswers:
     """Answers to a throw with and without an alarm.
 
     Attributes
@@ -82,15 +82,15 @@ class Answers:
         True where an object is touched.
     switch : int
         Number of the switch.
-    quiet, alarm : Answer
+    quiet, alarm : ThrowAnswer
         Without and with an alarm; the latter None of a throw that cannot be one.
     """
 
     ratio: float
     touched: bool
     switch: int
-    quiet: Answer
-    alarm: Answer | None
+    quiet: ThrowAnswer
+    alarm: ThrowAnswer | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class Missed:
 
 def answers_of(
     knowledge: Knowledge, view: View, tried: Sequence[Tried], *, least: float
-) -> list[Answers]:
+) -> list[ThrowAnswers]:
     """Answer throws with known sizes, places and gaps.
 
     Parameters
@@ -164,7 +164,7 @@ def answers_of(
                 at = first + number
                 near = objects_near(view, evidence, number) if ratio > least else None
                 given = knowledge.setting, view, evidence, number, item, at
-                answers = Answers(
+                answers = ThrowAnswers(
                     ratio=ratio,
                     touched=bool(held[at]),
                     switch=int(item.throws.switch[at]),
@@ -185,7 +185,7 @@ def _answer(
     *,
     near: Samples | None = None,
     held: bool = False,
-) -> Answer:
+) -> ThrowAnswer:
     """Answer one of some throws; `held` in full, as to an object that is touched."""
     limits, true_gaps = np.array(setting.limits), item.gaps[:, at]
     said = gaps_of(view, evidence, number, limits=limits, near=near)
@@ -195,10 +195,10 @@ def _answer(
         own = said.gaps[gap]
         far.append((gap, float((limits[gap] - own.middle) / max(own.high - own.middle, 1e-9))))
     if near is None or not held:
-        return Answer(gaps=gaps, open=far)
+        return ThrowAnswer(gaps=gaps, open=far)
     trapped = object_of(view, evidence, number, near=near)
     x, places = float(item.throws.x[at]), np.array(list(setting.places.values()))
-    return Answer(
+    return ThrowAnswer(
         gaps=gaps,
         open=far,
         size=miss(trapped.size, float(item.throws.size[at])),
@@ -207,7 +207,7 @@ def _answer(
     )
 
 
-def missed_of(answers: Iterable[Answers], *, threshold: float) -> Missed:
+def missed_of(answers: Iterable[ThrowAnswers], *, threshold: float) -> Missed:
     """Return what the answers to throws missed, where those above a threshold [-] are alarms."""
     found = Missed()
     for item in answers:
