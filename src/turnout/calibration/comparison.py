@@ -365,8 +365,7 @@ class Uncertainty:
         Of the sensitivity of a channel, cross-talk included, from movement to movement [-].
     common_gain, cross_talk : float
         Of the sensitivity where the channel map states none, and of what each channel takes up of
-        each other one, where all movements share it: no residual need show it, so it widens the
-        intervals [-].
+        each other one, in all movements alike [-].
     common_zero : float
         Of the zero of a force channel, in all movements alike [N].
     clock : float

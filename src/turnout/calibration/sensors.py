@@ -316,8 +316,11 @@ class FoundSensor:
 
     @property
     def is_shown(self) -> bool:
-        """True if it stands in lists of sensors: cross-talk only where the movements show it."""
-        return self.column.kind != CROSS_TALK or abs(self.value) > CLEAR * self.deviation
+        """True if it stands in lists of sensors: of cross-talk only what leaves its prior.
+
+        An error of the model that a step of the solver makes acts like a little of it.
+        """
+        return self.column.kind != CROSS_TALK or self.leaves
 
 
 def _channel(drive: str) -> str:

@@ -153,7 +153,7 @@ def through_chain(
 def chain_directions(
     forces: Floats, later: Floats, grid: SharedBins, chain: Mapping[str, tuple[float, float]]
 ) -> Floats:
-    """Return what one deviation of each unknown of the chain makes of forces [N].
+    """Find the change of forces with one deviation of each unknown of the chain [N].
 
     As `through_chain`: gain or cross-talk from each channel, clock and zeros, shape
     (n_channels + 2, n_channels, n_movements, n_times). Each channel has values of its own, so that
