@@ -167,9 +167,10 @@ def test_a_virtual_campaign_tells_resistance_and_slopes(tmp_path: Path) -> None:
     system = monitoring_of(rate="switchmonitor")
     plan = CampaignPlan(places=(), object_free=15, monitoring=system, scheme=Scheme.of("quick"))
     make_virtual_campaign(panel, tmp_path / "made", plan=plan)
-    alone = load_campaign(tmp_path / "made" / "monitoring").dataset.sel(drive=["1"])
-    assert np.ptp(alone["drive_voltage"].max("time").values) > 8.0
-    (fit,) = fit_three_phase(alone, rated_voltage=380.0)
+    made = load_campaign(tmp_path / "made" / "monitoring").dataset
+    assert np.ptp(made["drive_voltage"].sel(drive="1").max("time").values) > 8.0
+    fit, marker = fit_three_phase(made, rated_voltage=380.0)
+    assert marker.verdict == "only I recorded; nothing to fit"
     machine = panel.machine["three-phase"]
 
     def current(voltage: float, power: float) -> float:

@@ -363,3 +363,44 @@ def test_the_slope_with_the_load_needs_no_other_voltages() -> None:
     found = fit_of(data).per_watt
     slope = np.diff(CIRCUIT.current_at(np.full(2, 391.0), np.array([389.5, 390.5])))[0]
     assert holds(found, slope, within=0.1)
+
+
+def with_assumed_current(data: xr.Dataset) -> xr.Dataset:
+    """Return a campaign with a drive 2 that is no machine: its current alone, in coarse steps."""
+    second = xr.full_like(data, np.nan).assign_coords(drive=["2"])
+    steps = 0.1 * np.arange(data.sizes["time"]) % 1.2 + 1.5
+    second["drive_current"][:] = np.where(data["drive_current"] > 0.0, steps, 0.0)
+    return xr.concat([data, second], "drive")
+
+
+def test_a_drive_that_is_no_machine_is_left_out(tmp_path: Path) -> None:
+    """Its movements are alike, which is no reason to refuse the other drive."""
+    data = campaign()
+    fit, other = fit_three_phase(with_assumed_current(data), rated_voltage=380.0)
+    assert fit == fit_of(data)
+    assert (other.drive, other.throws, other.missing) == ("2", 0, ("U", "P"))
+    lines = three_phase_lines([fit, other])
+    assert [line for line in lines if "drive 2" in line] == [
+        "drive 2: only I recorded; nothing to fit"
+    ]
+    assert len(lines) == len(three_phase_lines([fit])) + 1
+    file = tmp_path / "campaign.nc"
+    save_response(with_assumed_current(data), file)
+    found = printed("machine", "fit", file, "--three-phase", "380 V")["three_phase"][1]
+    assert found["verdict"] == "only I recorded; nothing to fit"
+    assert set(found["not_identified"].values()) == {"U and P not recorded"}
+    assert found["ranges"] == {}
+
+
+def test_without_a_drive_to_fit_there_is_one_message(tmp_path: Path) -> None:
+    data = with_assumed_current(campaign(throws=8))
+    data["drive_voltage"][:] = np.nan
+    data["drive_power"][:] = np.nan
+    data["drive_current"].loc[{"drive": "1"}] = np.nan
+    save_response(data, tmp_path / "campaign.nc")
+    line = ["machine", "fit", "campaign.nc", "--three-phase", "380 V"]
+    code, errors = run_here(*line, folder=tmp_path)
+    assert code == 2
+    assert errors.count("three-phase fit") == 1
+    assert "at least two of drive_voltage, drive_current, drive_power of a drive" in errors
+    assert "drive 1 has none, drive 2 has I" in errors

@@ -108,7 +108,7 @@ def fit_three_phase(
     Returns
     -------
     tuple of ThreePhaseFit
-        By drive.
+        By drive; of one with fewer than two of the channels without anything, with 0 throws.
 
     Raises
     ------

@@ -44,6 +44,9 @@ def three_phase_lines(fits: Sequence["ThreePhaseFit"]) -> list[str]:
 
     lines: list[str] = []
     for fit in fits:
+        if not fit.throws:
+            lines.append(f"drive {fit.drive}: {fit.verdict}")
+            continue
         without = f"; not recorded: {', '.join(fit.missing)}" if fit.missing else ""
         lines.append(f"drive {fit.drive} ({fit.throws} throws{without}), as the recorder sees it")
         lines += [f"  {name:<17}{text}" for name, text in _rows(fit)]

@@ -23,7 +23,7 @@ voltage and added, so that the circuit gives them their bend alone, and that wit
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,6 +39,7 @@ from turnout.calibration.machine_estimates.three_phase_throws import (
     ONE_PHASE,
     ThrowMeans,
     contradictions,
+    recorded,
     throw_means,
 )
 from turnout.core.errors import MeasurementError
@@ -66,6 +67,8 @@ DEPARTS = 3.0
 WORSE = 1.15
 """Scatter about the circuit over that about the straight line from which it does not follow [-]."""
 LETTERS = {"voltage": "U", "current": "I", "power": "P"}
+LEAST_CHANNELS = 2
+"""Of voltage, current and power, those without which a drive is left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +95,7 @@ class ThreePhaseFit:
     ----------
     drive : str
     throws : int
+        0 where fewer than two of U, I and P were recorded.
     missing : tuple of str
         Of U, I and P, those that were not recorded.
     voltage, power : float
@@ -144,6 +148,9 @@ class ThreePhaseFit:
     @property
     def verdict(self) -> str:
         """Fit of the circuit beside that of the straight line in U and P, in words."""
+        if not self.throws:
+            there = " and ".join(letter for letter in "UIP" if letter not in self.missing)
+            return f"{f'only {there}' if there else 'none of U, I and P'} recorded; nothing to fit"
         if not math.isfinite(self.left[1]):
             return "no current was recorded: nothing to follow"
         if self.missing:
@@ -187,6 +194,8 @@ def fit_three_phase(
 ) -> tuple[ThreePhaseFit, ...]:
     """Fit every drive of a campaign as a three-phase machine.
 
+    A drive with fewer than two of the channels is not looked at: its fit has 0 throws.
+
     Parameters
     ----------
     campaign : xarray.Dataset
@@ -206,29 +215,37 @@ def fit_three_phase(
     Raises
     ------
     MeasurementError
-        Without two of the three channels or enough throws, where they contradict each other, or
-        with a movement in `free` that is not there.
+        Without a drive that has two of the three channels, without enough throws, where the
+        channels contradict each other, or with a movement in `free` that is not there.
     """
     names = [str(name) for name in campaign["movement"].values] if "movement" in campaign else []
-    there = [what for what, channel in CHANNELS.items() if channel in campaign]
     problems = [
         f"free movement '{name}': is not in the campaign" for name in free if name not in names
     ]
-    if len(there) < 2 or not names:
-        channels = ", ".join(CHANNELS.values())
-        problems.append(f"needs movements with at least two of {channels}")
+    drives = map(str, campaign["drive"].values) if names and "drive" in campaign else ()
+    rows = {drive: recorded(campaign, drive) for drive in drives}
+    if all(len(there) < LEAST_CHANNELS for there in rows.values()):
+        text = f"needs movements with at least two of {', '.join(CHANNELS.values())} of a drive"
+        has = [f"drive {drive} has {_letters(there) or 'none'}" for drive, there in rows.items()]
+        problems.append(f"{text}{': ' * bool(has)}{', '.join(has)}")
     if problems:
         raise MeasurementError(problems, source="three-phase fit")
-    found = []
-    for drive in map(str, campaign["drive"].values):
+    found: list[tuple[str, list[ThrowMeans]]] = []
+    for drive, there in rows.items():
+        if len(there) < LEAST_CHANNELS:
+            found.append((drive, []))
+            continue
         if "+" in drive:
             problems.append(f"drive {drive}: the current of two machines is that of neither")
             continue
-        throws = list(throw_means(campaign, drive, to_neutral=to_neutral))
+        throws = list(throw_means(campaign, there, to_neutral=to_neutral))
         problems += contradictions(throws, drive, rated_voltage, to_neutral=to_neutral)
         found.append((drive, throws))
     fits = []
     for drive, throws in [] if problems else found:
+        if not throws:
+            fits.append(_untold(drive, rows[drive], rated_voltage))
+            continue
         try:
             fits.append(fit_throws(drive, throws, rated_voltage=rated_voltage, free=free))
         except MeasurementError as error:
@@ -236,6 +253,35 @@ def fit_three_phase(
     if problems:
         raise MeasurementError(problems, source="three-phase fit")
     return tuple(fits)
+
+
+def _letters(there: Container[str]) -> str:
+    return " and ".join(letter for what, letter in LETTERS.items() if what in there)
+
+
+def _untold(drive: str, there: Container[str], rated_voltage: float) -> ThreePhaseFit:
+    """Return the fit of a drive of which nothing is known but what was recorded of it."""
+    missing = tuple(letter for what, letter in LETTERS.items() if what not in there)
+    without = NotIdentified(reason=f"{' and '.join(missing)} not recorded")
+    return ThreePhaseFit(
+        drive=drive,
+        throws=0,
+        missing=missing,
+        voltage=math.nan,
+        power=math.nan,
+        rated_voltage=rated_voltage,
+        current=without,
+        per_volt=without,
+        per_watt=without,
+        resistance=without,
+        saturation=without,
+        loss=without,
+        leakage=None,
+        rotor=without if missing else NO_INRUSH,
+        left=(math.nan, math.nan),
+        departures=(),
+        starts=(0, 0),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -385,33 +431,14 @@ def fit_throws(
     MeasurementError
         Where the copper would take more than a machine's power leaves it.
     """
-    missing = tuple(LETTERS[w] for w in CHANNELS if getattr(throws[0], w) is None)
-    blocks = _blocks(throws)
+    fit = _untold(drive, [w for w in CHANNELS if getattr(throws[0], w) is not None], rated_voltage)
+    missing, blocks = fit.missing, _blocks(throws)
     loaded = np.array([t.name not in free for t in throws])
     u, p = (
         float(blocks.mean(values)[loaded].mean()) if letter not in missing else math.nan
         for letter, values in (("U", blocks.voltage), ("P", blocks.power))
     )
-    without = NotIdentified(reason=f"{' and '.join(missing)} not recorded")
-    fit = ThreePhaseFit(
-        drive=drive,
-        throws=len(throws),
-        missing=missing,
-        voltage=u,
-        power=p,
-        rated_voltage=rated_voltage,
-        current=without,
-        per_volt=without,
-        per_watt=without,
-        resistance=without,
-        saturation=without,
-        loss=without,
-        leakage=None,
-        rotor=without if missing else NO_INRUSH,
-        left=(math.nan, math.nan),
-        departures=(),
-        starts=(0, 0),
-    )
+    fit = replace(fit, throws=len(throws), voltage=u, power=p)
     if "I" in missing:
         return fit
     line = _straight_line(blocks, u, p)

@@ -60,10 +60,11 @@ class ThrowMeans:
     inrush: tuple[float, float, float] | None
 
 
-def throw_means(
-    campaign: xr.Dataset, drive: str, *, to_neutral: bool = False
-) -> Iterator[ThrowMeans]:
-    """Yield the block means of a drive while its motor runs, throw by throw."""
+def recorded(campaign: xr.Dataset, drive: str) -> dict[str, Floats]:
+    """Return magnitudes of voltage, current and power of a drive, those with any finite sample.
+
+    Each has the shape (movement, time), in SI.
+    """
     rows: dict[str, Floats] = {}
     for what, channel in CHANNELS.items():
         if channel in campaign:
@@ -72,9 +73,16 @@ def throw_means(
             values = np.abs(data.transpose("movement", "time").values)
             if np.isfinite(values).any():
                 rows[what] = values
+    return rows
+
+
+def throw_means(
+    campaign: xr.Dataset, rows: Mapping[str, Floats], *, to_neutral: bool = False
+) -> Iterator[ThrowMeans]:
+    """Yield block means while the motor runs, throw by throw, of what `recorded` found."""
     time = campaign["time"].values
     if "voltage" in rows and to_neutral:
-        rows["voltage"] = math.sqrt(3.0) * rows["voltage"]
+        rows = {**rows, "voltage": math.sqrt(3.0) * rows["voltage"]}
     rate = (time.size - 1) / float(time[-1] - time[0])
     length = max(2, round(BLOCK * rate))
     for number, name in enumerate(map(str, campaign["movement"].values)):
