@@ -435,6 +435,12 @@ NUMBERS: list[Kind] = [
     ("time: Tempo beside a time falls and is a channel", "Time (s),Force,Tempo\n" + "".join(
         f"{n * STEP:.2f},{f},{CURRENT[n]}\n" for n, f in enumerate(FORCE)),
      {"Force": (25.0, 0.0), "Tempo": (25.0, 0.0)}),
+    ("time: three throws in whole seconds beside a rate", "Sample rate: 25 Hz\nTime;I\n" + "".join(
+        f"{n // 25};{c}\n" for _ in range(3) for n, c in enumerate(CURRENT)),
+     ("there are 3 throws in one table",)),
+    ("time: a second one too coarse for its samples", "Time;Force;Time;Current\n" + "".join(
+        f"{n * STEP:.2f};{f};{n // 25};{CURRENT[n]}\n" for n, f in enumerate(FORCE)),
+     ("column 'Time'", "coarser than the samples")),
     ("numbers: decimal commas without names", f"Sample rate: 25 Hz\n{rows(';', number=german)}",
      dict.fromkeys(("column 1", "column 2"), (25.0, 0.0))),
     ("numbers: a title of as many words as columns and one more", "Measurement of switch 12\n"
@@ -628,6 +634,11 @@ REMARKS: list[tuple[str, str, tuple[str, ...]]] = [
     ("numbers for channels", "time,machine,value\n" + "".join(
         f"{n * STEP:.2f},{k},{FORCE[n]}\n" for n in range(COUNT) for k in (1, 2)),
      ("column 'machine' is taken for the number of the channel",)),
+    ("times in whole seconds beside a rate", "Sample rate: 25 Hz\nTime;Force\n" + "".join(
+        f"{n // 25};{f}\n" for n, f in enumerate(FORCE)),
+     ("column 'Time' is not used, the stated rate is: 38 of its 40 times repeat, the first is 0 s: "
+      "coarser than the samples, they tell no rate; state the sample rate, or export times with "
+      "more digits", "channel 'Force': its times only tell its start")),
     *((f"{text} in a cell", "Time (s),Force\n" + "".join(
         f"{n * STEP:.2f},{text if n == 3 else FORCE[n]}\n" for n in range(COUNT)), (remark,))
       for text, remark in (

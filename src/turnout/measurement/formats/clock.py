@@ -143,13 +143,22 @@ def is_numbered_channel(
     timed = is_time_unit(unit.partition(" since ")[0])
     if timed or re.fullmatch(r"\D+\d{1,2}", squeezed(name)) is None:
         return False
-    return beside or not mostly_rises(values)
-
-
-def mostly_rises(values: NDArray[np.floating]) -> bool:
-    """Return True if nearly all steps are up, as in a column of times with faults among them."""
     steps = np.diff(values)
-    return int(np.count_nonzero(steps > 0)) >= _LEAST_RISING * steps.size
+    return beside or int(np.count_nonzero(steps > 0)) < _LEAST_RISING * steps.size
+
+
+def often_falls(values: NDArray[np.floating]) -> bool:
+    """Return True if more steps are down than the faults and beginnings of throws among times.
+
+    Times that are coarser than the samples repeat.
+
+    Examples
+    --------
+    >>> often_falls(np.array([0.0, 0.0, 1.0, 1.0])), often_falls(np.array([3.0, 2.0, 1.0]))
+    (False, True)
+    """
+    steps = np.diff(values)
+    return int(np.count_nonzero(steps < 0)) > (1.0 - _LEAST_RISING) * steps.size
 
 
 def unit_in_name(name: str) -> str:

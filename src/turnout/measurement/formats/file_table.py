@@ -27,7 +27,7 @@ from turnout.measurement.formats.clock import (
     is_time_name,
     is_time_unit,
     is_time_word,
-    mostly_rises,
+    often_falls,
     seconds_of,
     squeezed,
     unit_in_name,
@@ -364,7 +364,7 @@ def _name_axes(table: Table) -> None:
             not (named or by_unit or place in days)
             or (letter and column.unit and not timed)
             or is_numbered_channel(column.name, given, unit=column.unit, beside=beside)
-            or ((table.axes or rate is not None) and not timed and not mostly_rises(given))
+            or ((table.axes or rate is not None) and not timed and often_falls(given))
             or (letter and not timed and not may_be_time(given, column.name, rate=single))
         ):
             continue
