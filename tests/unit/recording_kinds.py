@@ -441,6 +441,13 @@ NUMBERS: list[Kind] = [
     ("time: a second one too coarse for its samples", "Time;Force;Time;Current\n" + "".join(
         f"{n * STEP:.2f};{f};{n // 25};{CURRENT[n]}\n" for n, f in enumerate(FORCE)),
      ("column 'Time'", "coarser than the samples")),
+    *((f"time: {one} and {two}, which is shorter", f"{one};Force;{two};Current\n" + "".join(
+        f"{n * STEP:.2f};{f};" + (f"{n / 10};{CURRENT[n]}\n" if n < COUNT // 5 else ";\n")
+        for n, f in enumerate(FORCE)), {"Force": (25.0, 0.0), "Current": (10.0, 0.0)})
+      for one, two in (("Time I [s]", "Time F [s]"), ("t", "t2"), ("Time", "Time F"))),
+    ("time: seconds right behind stamps", "Stamp;Relative [s];Force\n" + "".join(
+        f"{moment('%Y-%m-%d %H:%M:%S.%f')(n)};{n * STEP:.2f};{f}\n" for n, f in enumerate(FORCE)),
+     {"Relative": (25.0, 0.0), "Force": (25.0, 0.0)}),
     ("numbers: decimal commas without names", f"Sample rate: 25 Hz\n{rows(';', number=german)}",
      dict.fromkeys(("column 1", "column 2"), (25.0, 0.0))),
     ("numbers: a title of as many words as columns and one more", "Measurement of switch 12\n"

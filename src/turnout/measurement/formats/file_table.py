@@ -57,6 +57,7 @@ Floats = NDArray[np.float64]
 _LEAST_NUMBERS = 0.1
 # Columns with their number behind the name that are the samples of a curve.
 _LEAST_NUMBERED = 8
+_FIRST_WORD = re.compile(r"[^\W\d_]+")
 _NUMBERED = re.compile(r"(.*?)[\s_\[(]*(\d+)[\])]?")
 
 
@@ -355,13 +356,14 @@ def _name_axes(table: Table) -> None:
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: count_filled(values)]
-        letter, rises = len(squeezed(column.name)) == 1, place == 0 and rises_evenly(given)
-        timed = is_time_unit(column.unit)
+        letter, timed = len(squeezed(column.name)) == 1, is_time_unit(column.unit)
+        even = rises_evenly(given)
+        rises, another = place == 0 and even, even and _is_another_time(table, place)
         named = is_time_name(column.name) or (rises and is_time_word(column.name))
         by_unit = timed and (rises or is_abscissa_name(column.name))
         beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
         if (
-            not (named or by_unit or place in days)
+            not (named or by_unit or another or place in days)
             or (letter and column.unit and not timed)
             or is_numbered_channel(column.name, given, unit=column.unit, beside=beside)
             or ((table.axes or rate is not None) and not timed and often_falls(given))
@@ -387,6 +389,20 @@ def _name_axes(table: Table) -> None:
             table.axes[0] = TimeAxis(table.values.pop(0))
             if single is None:
                 table.problems.append("column 1 rises evenly and is taken for the time [s]")
+
+
+def _is_another_time(table: Table, place: int) -> bool:
+    """Return True if a column is called as a time before it, or has a unit of time beside one.
+
+    "Time F" goes with "Time I", and t2 with t; the first has channels of its own.
+    """
+    column = table.columns[place]
+    if place - 1 in table.axes:
+        return False
+    first = [_FIRST_WORD.match(table.columns[p].name) for p in (place, *table.axes)]
+    own, *others = [match[0] if match else "" for match in first]
+    alike = own in others and own != "" and not column.unit
+    return alike or (bool(table.axes) and is_time_unit(column.unit))
 
 
 def _days(table: Table) -> set[int]:
