@@ -1,5 +1,6 @@
 """One case of a study as a panel, and lists of cases that are checked case by case."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,23 @@ def test_commands_take_a_case() -> None:
     gauge = CliRunner().invoke(app, ["gauge", "plausible-panels:17", *loads])
     assert gauge.exit_code == 0, gauge.output
     assert "plausible-panels:17, a case of uic60-760-1-15, rail straight closed" in gauge.output
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["gauge", "--lateral", "5 kN", "--vertical", "50 kN"],
+        ["panel", "show"],
+        ["simulate", "--mode", "quick"],
+        ["simulate", "--throws", "1"],
+    ],
+    ids=" ".join,
+)
+def test_records_say_the_case(words: list[str]) -> None:
+    for name, case in (("plausible-panels:17", "plausible-panels:17"), ("uic60-760-1-15", None)):
+        done = CliRunner().invoke(app, [*words, name, "--json"])
+        found = json.loads(done.stdout)
+        assert (found["case"], found["panel"]) == (case, "uic60-760-1-15")
 
 
 def test_values_that_change_together_are_tried_together() -> None:

@@ -56,6 +56,20 @@ def load_panel_or_case(
     return panel.with_overrides(overrides) if overrides else panel
 
 
+def case_name(name_or_path: str | Path | None) -> str | None:
+    """Return a name without blanks around it if it is that of a case of a study, else None.
+
+    Examples
+    --------
+    >>> case_name("plausible-panels:7")
+    'plausible-panels:7'
+    >>> case_name("sb1")
+    """
+    if isinstance(name_or_path, str) and _CASE.fullmatch(name_or_path.strip()):
+        return name_or_path.strip()
+    return None
+
+
 def shown_name(panel: LoadedPanel, name_or_path: str | Path | None) -> str:
     """Return the name of a panel, behind that of the case of a study by which it was asked for.
 
@@ -66,9 +80,8 @@ def shown_name(panel: LoadedPanel, name_or_path: str | Path | None) -> str:
     >>> shown_name(load_panel_or_case("sb1"), "sb1")
     'sb1'
     """
-    if isinstance(name_or_path, str) and _CASE.fullmatch(name_or_path.strip()):
-        return f"{name_or_path.strip()}, a case of {panel.name}"
-    return panel.name
+    case = case_name(name_or_path)
+    return f"{case}, a case of {panel.name}" if case else panel.name
 
 
 def _refuse_study(name: str) -> None:

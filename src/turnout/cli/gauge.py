@@ -80,7 +80,7 @@ def gauge_command(
     strict: bool = option("--strict", "Exit code 1 if the gauge is narrower than allowed."),
 ) -> None:
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
-    from turnout.calibration.case import shown_name
+    from turnout.calibration.case import case_name, shown_name
     from turnout.metric.least_gauge import least_gauges
     from turnout.panel.foreign_object import parse_objects
     from turnout.panel.gauge_limits import limits_of, load_gauge_limits
@@ -115,7 +115,8 @@ def gauge_command(
     output.lines(gauge_lines(dataset, found, classes, name=name))
     output.dataset(output["out"], dataset)
     output.figure(output["plot"], plot_gauge, dataset)
-    output.json(gauge_record, dataset, found, classes, units=GAUGE_UNITS)
+    case = case_name(panel.panel)
+    output.json(gauge_record, dataset, found, classes, case, units=GAUGE_UNITS)
     if strict and _least(found) < float(dataset.attrs["gauge_limit"]):
         raise typer.Exit(FINDINGS)
 
@@ -198,12 +199,16 @@ def gauge_lines(
 
 
 def gauge_record(
-    dataset: "xr.Dataset", found: "Sequence[LeastGauges]", limits: "GaugeLimits"
+    dataset: "xr.Dataset",
+    found: "Sequence[LeastGauges]",
+    limits: "GaugeLimits",
+    case: str | None = None,
 ) -> dict[str, Any]:
-    """Return the least gauges for each load as plain data, in SI."""
+    """Return the least gauges for each load as plain data, in SI; `case` of a study, if any."""
     attributes = dataset.attrs
     least = _least(found)
     return {
+        "case": case,
         **{name: attributes[name] for name in ("panel", "panel_hash", "rail", "course")},
         **{name: attributes[name] for name in ("gauge_nominal", "gauge_limit")},
         "least": least,

@@ -67,7 +67,7 @@ def panel_show_command(
     values: bool = option("--values", "List every value with its origin."),
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
-    from turnout.calibration.case import shown_name
+    from turnout.calibration.case import case_name, shown_name
     from turnout.cli.show import PANEL_UNITS, check_throws, panel_lines, panel_record
     from turnout.figures.plan import plot_plan
 
@@ -76,7 +76,7 @@ def panel_show_command(
     name = shown_name(opened, panel.panel)
     output.lines(panel_lines(opened, name=name, thrown=found, values=values))
     output.figure(output["plot"], plot_plan, opened, dataset=found.dataset if found else None)
-    output.json(panel_record, opened, found, units=PANEL_UNITS)
+    output.json(panel_record, opened, found, case_name(panel.panel), units=PANEL_UNITS)
     if found and (code := end_code(found.dataset)):
         raise typer.Exit(code)
 

@@ -372,10 +372,13 @@ PANEL_UNITS = {
 }
 
 
-def panel_record(panel: "LoadedPanel", thrown: CheckThrows | None = None) -> dict[str, Any]:
-    """Return a panel with every value and its origin, and the results of its throws."""
+def panel_record(
+    panel: "LoadedPanel", thrown: CheckThrows | None = None, case: str | None = None
+) -> dict[str, Any]:
+    """Return a panel, or `case` of a study, all values with origins, and results of throws."""
     x, gaps = closed_gaps(panel, thrown)
     record: dict[str, Any] = {
+        "case": case,
         "panel": panel.name,
         "panel_hash": panel.hash,
         "description": " ".join(panel.description.split()),

@@ -116,7 +116,10 @@ def simulate_command(
             output.lines((sequence_lines if many else summary_lines)(dataset))
             output.dataset(output["out"], dataset)
             output.figure(plot if figure else None, lambda: figure)
-            output.json(sequence_record if many else run_record, dataset)
+            from turnout.calibration.case import case_name
+
+            record = sequence_record if many else run_record
+            output.json(record, dataset, case_name(panel.panel))
     if not dataset.attrs["complete"]:
         note(dataset.attrs["outcome_message"])
         raise typer.Exit(end_code(dataset))
@@ -258,13 +261,14 @@ def without_collections() -> Iterator[None]:
 RUN_UNITS = {"energy_scale": "J", "wall_time": "s", "start_difference": "N"}
 
 
-def _origin(dataset: "xr.Dataset") -> dict[str, Any]:
-    """Return panel, objects and outcome of a run."""
+def _origin(dataset: "xr.Dataset", case: str | None) -> dict[str, Any]:
+    """Return panel, or case of a study, objects and outcome of a run."""
     from turnout.throw.verdict import break_note
 
     note, attributes = break_note(dataset), dataset.attrs
     names = ("panel", "panel_hash", "outcome", "outcome_message", "wall_time")
     return {
+        "case": case,
         **{name: attributes.get(name) for name in names},
         "foreign_objects": json.loads(attributes.get("foreign_objects", "[]")),
         "complete": bool(attributes["complete"]),
@@ -272,7 +276,9 @@ def _origin(dataset: "xr.Dataset") -> dict[str, Any]:
     }
 
 
-def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
+def run_record(
+    dataset: "xr.Dataset", case: str | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
     """Return a run: verdict, key figures, energies, and the units of its keys."""
     from turnout.metric.key_figure import key_figures
     from turnout.metric.summary import numerical_share, residual_share, start_difference
@@ -284,7 +290,7 @@ def run_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
     judged, attributes = verdict(dataset, made), dataset.attrs
     balanced = float(attributes.get("energy_scale", 0.0)) > 0 and "energy_residual" in dataset
     record = {
-        **_origin(dataset),
+        **_origin(dataset, case),
         "overrides": json.loads(attributes.get("overrides", "{}")),
         "verdict": {**asdict(judged), "meaning": judged.meaning},
         "checks": made,
@@ -379,12 +385,14 @@ def run_sequence(parts: Parts, *, throws: int, drifts: list[str], quiet: bool) -
         )
 
 
-def sequence_record(dataset: "xr.Dataset") -> tuple[dict[str, Any], dict[str, str]]:
+def sequence_record(
+    dataset: "xr.Dataset", case: str | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
     """Return a sequence of throws as a record, and the units of its keys."""
     from turnout.throw.verdict import throw_table
 
     record = {
-        **_origin(dataset),
+        **_origin(dataset, case),
         "drift": json.loads(dataset.attrs["drift"]),
         "throws": throw_table(dataset),
     }
