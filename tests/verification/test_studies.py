@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from benchmarks.page import put_section
 from benchmarks.studies import (
+    assumptions,
     calibration_coverage,
     finer_twin,
     machine_campaigns,
@@ -148,6 +149,27 @@ def test_a_job_that_was_stopped_continues_and_its_section_is_replaced(tmp_path: 
         put_section(page, name="x", heading="Heading", lines=[text])
     marked = "<!-- x -->\ntwo\n<!-- end of x -->"
     assert page.read_text(encoding="utf-8") == f"# Title\n\nText.\n\n## Heading\n\n{marked}\n"
+
+
+def test_rows_of_an_older_version_are_thrown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second, third = assumptions.cases()[:3]
+    whole = dict.fromkeys(assumptions.KEYS, 1)
+    older = {key: value for key, value in whole.items() if key not in ("facts", "missed")}
+    (tmp_path / assumptions.KEPT).write_text(json.dumps({first.name: whole, second.name: older}))
+    thrown = []
+
+    def figures(_: object, case: assumptions.Case, *__: object) -> dict[str, int]:
+        thrown.append(case.name)
+        return dict.fromkeys(assumptions.KEYS, 2)
+
+    monkeypatch.setattr(assumptions, "cases", lambda: [first, second, third])
+    monkeypatch.setattr(assumptions, "figures", figures)
+    found = assumptions.all_figures(tmp_path)
+    assert thrown == [second.name, third.name]
+    assert found == json.loads((tmp_path / assumptions.KEPT).read_text())
+    assert [found[case.name]["facts"] for case in (first, second, third)] == [1, 2, 2]
 
 
 @pytest.mark.long
