@@ -33,7 +33,7 @@ TORQUES = np.linspace(0.0, 1.5, 40)
 
 
 def truths(machine: Machine, fit: ThreePhaseFit) -> dict[str, float]:
-    """Return what the steady circuit has at the fit's point of reference."""
+    """Return current, slopes and resistance of the steady circuit at the fit's reference."""
 
     def current(voltage: float, power: float) -> float:
         supply = machine.supply.model_copy(update={"voltage": voltage})

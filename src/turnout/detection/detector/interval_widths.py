@@ -208,7 +208,7 @@ def _answer(
 
 
 def missed_of(answers: Iterable[ThrowAnswers], *, threshold: float) -> Missed:
-    """Return what the answers to throws missed, where those above a threshold [-] are alarms."""
+    """Return the misses of answers to throws, of which those above a threshold [-] are alarms."""
     found = Missed()
     for item in answers:
         alarm = item.alarm if item.ratio > threshold else None

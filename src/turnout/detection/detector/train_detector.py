@@ -299,7 +299,7 @@ def groups_of(sound: ThrowSet, run: int) -> NDArray[np.intp]:
 
 
 def parts_of(setting: Setting) -> list[str]:
-    """Return what of a throw may be recorded, each with thresholds of its own."""
+    """Return the parts of a throw that may be recorded, each with thresholds of its own."""
     return [CYCLE, CLOSING] if len(setting.layout.parts) > 1 else [CYCLE]
 
 
