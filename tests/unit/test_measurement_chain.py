@@ -92,6 +92,15 @@ def test_the_same_force_through_other_rods_and_electronics(
     assert np.isnan(dataset["object_force"].values).all()
 
 
+@pytest.mark.parametrize("phases", ["", 'phases = ["Clamp 2"]\n'])
+def test_a_dead_channel_is_missing(phases: str) -> None:
+    """Warnings are errors here; that of a channel without a sample told nothing."""
+    text = f'[drive_current.1]\ncolumn = "Clamp 1"\nkind = "scaled"\n{phases}'
+    dead = [float("nan")] * 3
+    dataset = apply_chain(recorded({"Clamp 1": ("A", dead), "Clamp 2": ("A", dead)}), mapped(text))
+    assert np.isnan(dataset["drive_current"].values).all()
+
+
 def test_known_loads_take_the_place_of_a_data_sheet() -> None:
     text = """
     [drive_force.2]

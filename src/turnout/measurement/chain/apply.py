@@ -591,10 +591,12 @@ def _mean_of_phases(
         if most < SILENT_PHASE * max(largest):
             message = f"its phase '{name}' is silent while the others are not: a dead channel?"
             raise ValueError(message)
+    if not names or max(largest) == 0.0:
+        return first, dict.fromkeys([first.name, *names], 0.0)
     sizes = [math.sqrt(float(np.nanmean(np.square(row)))) for row in values]
     mean = math.fsum(sizes) / len(sizes)
-    unlike = [size / mean - 1.0 if mean > 0.0 else 0.0 for size in sizes]
-    joined = replace(first, values=np.mean(values, axis=0)) if names else first
+    unlike = [size / mean - 1.0 for size in sizes]
+    joined = replace(first, values=np.mean(values, axis=0))
     return joined, dict(zip([first.name, *names], unlike, strict=True))
 
 
