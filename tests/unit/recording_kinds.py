@@ -429,6 +429,17 @@ NUMBERS: list[Kind] = [
      f"Sample rate: 25 Hz\nCurrent,Force\n***,{FORCE[0]}\n" + "".join(
          f"{c},{f}\n" for c, f in zip(CURRENT[1:], FORCE[1:], strict=True)),
      {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    ("numbers: factors above them, without a first",
+     f"Sample rate: 25 Hz\nForce;Current\n;0,5\n{rows(';', number=german)}",
+     ("line 3", "'0,5'", "with an empty cell")),
+    ("numbers: a rate above them behind an empty cell",
+     f";Sample rate;25 Hz\nIndex;Force;Current\n{rows(';', time=str)}", BOTH),
+    ("numbers: a heading of pandas", ",0,1\n" + "".join(
+        f"{n},{f},{c}\n" for n, (f, c) in enumerate(zip(FORCE, CURRENT, strict=True))),
+     ("'0', '1' are left out",)),
+    ("numbers: numbers of channels below their names", "Time;Force;Current\n;1;2\n"
+     + rows(";", time=lambda n: german(n * STEP), number=german),
+     ("line 2", "'1'", "with an empty cell")),
     ("numbers: a current called I falls in whole numbers", "Sample rate: 25 Hz\nForce,I in mA\n"
      + "".join(f"{f},{4000 - n * n}\n" for n, f in enumerate(FORCE)),
      {"Force": (25.0, 0.0), "I": (25.0, 0.0)}),

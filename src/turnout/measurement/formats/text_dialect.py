@@ -233,7 +233,8 @@ def _heading(
     logger = bool(rows) and [cell.strip('"').upper() for cell in rows[0][:1]] == ["TOA5"]
     for number, row in enumerate(rows):
         cells = [cell.strip().strip('"').strip() for cell in row]
-        if len(cells) > 1 and not cells[0].strip("#%/ "):
+        factors = cells[:1] == [""] and _are_numbers([cell for cell in cells if cell])
+        if len(cells) > 1 and not cells[0].strip("#%/ ") and not factors:
             cells = cells[1:]  # the mark of a comment
         whole = len(cells) == width
         while cells and not cells[-1]:
@@ -353,10 +354,15 @@ def _refuse_numbers(line: int, cells: list[str], decimal: str | None, *, below: 
     filled = [cell for cell in cells if cell]
     values = [c for c in filled if is_number(c, decimal or ".") and (below or not c.isdigit())]
     if 2 * len(values) >= len(filled) > 0:
-        wrong = next((cell for cell in filled if cell not in values), filled[0])
+        wrong = next((cell for cell in filled if cell not in values), "")
         message = (
             f"line {line}: '{wrong[:40]}' is not a number, in a row of numbers above the table"
         )
+        if not wrong:
+            message = (
+                f"line {line}: '{filled[0][:40]}' is in a row of numbers above the table with an "
+                "empty cell; leave it out, or fill the cell if it is the first sample"
+            )
         if wrong.startswith((SHORT, LONG)):
             message = f"line {line} has fewer or more cells than the table; give all rows the same"
         raise ValueError(message)
@@ -477,7 +483,9 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
             titled = separator == " " and best is not None and best[0] == "\t"
             near = width > 2 and abs(len(last) - width) == 1 and not titled
             fits = 3 if not heading or whole or len(last) == width else 2 if near else 1
-            fits = 1 if heading and (shares[row - 1] >= 0.5 or _are_numbers(last)) else fits
+            # Numbers with an empty cell before them are factors or names.
+            missed = all(last) and (shares[row - 1] >= 0.5 or _are_numbers(last))
+            fits = 1 if heading and missed else fits
             table = zip(rows[row:], shares[row:], strict=True)
             total = sum(share * share for cells, share in table if len(cells) == width)
             score = (round(total * fits, 6), width)
@@ -560,8 +568,10 @@ def _are_words(cells: Sequence[str], width: int) -> bool:
 def _with_gaps_above(rows: Sequence[Sequence[str]], number: int, width: int, decimal: str) -> int:
     """Return the first row of a table that begins with overloads."""
     while number and len(rows[number - 1]) == width:
-        filled = [cell for cell in rows[number - 1] if cell]
-        if not filled or not all(is_missing(c) or value_weight(c, decimal) for c in filled):
+        above = rows[number - 1]
+        # Beside an empty cell a number may be a factor, or the name of a column.
+        mixed = all(cell and (is_missing(cell) or value_weight(cell, decimal)) for cell in above)
+        if not mixed and not (any(above) and all(map(is_missing, above))):
             break
         number -= 1
     return number
