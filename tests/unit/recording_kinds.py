@@ -398,18 +398,22 @@ NUMBERS: list[Kind] = [
     ("numbers: formulas", HEAD + rows(time=seconds, number=lambda v: f'="{v:.3f}"'), BOTH),
     ("numbers: comma twice", "Zeit (s),Force (kN)\n" + "".join(
         f"{german(n * STEP)},{german(f)}\n" for n, f in enumerate(FORCE)),
-     ("the comma parts its columns and its decimals",)),
+     ("the comma may part its columns and its decimals",)),
     ("numbers: comma twice, whole numbers", "Zeit (s),Force (N)\n" + "".join(
         f"{german(n * STEP / 2)},{round(1e3 * f)}\n" for n, f in enumerate(FORCE)),
-     ("the comma parts its columns and its decimals",)),
+     ("the comma may part its columns and its decimals",)),
     ("numbers: a name too few, a constant in front", "Sample rate: 25 Hz\nForce,Current\n"
      + "".join(f"1,{n * n % 7},{n * n % 5}\n" for n in range(COUNT)),
      ("line 2 has 2 names for 3 columns",)),
     ("numbers: comma twice, stamps", "Zeit,Force (kN),Current (A)\n"
      + rows(time=moment("%d.%m.%Y %H:%M:%S.%f"), number=german),
-     ("the comma parts its columns and its decimals",)),
+     ("the comma may part its columns and its decimals",)),
     ("numbers: comma twice, no names", f"Sample rate: 25 Hz\n{rows(number=german)}",
-     ("the comma parts its columns and its decimals",)),
+     ("the comma may part its columns and its decimals",)),
+    *((f"numbers: whole ones without names, a state {states[-1]}", "".join(
+        f"{n * n % 7},{states[n // 20 % len(states)]},{n * n % 11}\n" for n in range(COUNT)),
+       ("neither times nor a sample rate are known",))
+      for states in (("00", "01"), ("0815",))),
     ("numbers: rows are channels", "".join(
         ",".join([name, *(f"{v}" for v in values)]) + "\n" for name, values in (
             ("Time (s)", np.round(np.arange(COUNT) * STEP, 2)), ("Force [kN]", FORCE),

@@ -41,6 +41,8 @@ _BOMS = (
 _GROUPED_WEIGHT = 0.9
 # So many rows of numbers above a table are facts of the heading.
 _MOST_LOOSE_ROWS = 3
+# More numbers with zeros in front than these are digits behind a decimal comma.
+_MOST_STATES = 2
 
 
 _NAMES = re.compile(
@@ -195,7 +197,7 @@ def _layout(sample: bytes) -> TextLayout:
         raise ValueError(message)
     names = [len(cells) for cells in above if not any(is_number(cell, ".") for cell in cells)]
     if separator == "," and _parts_decimals(table, max(names, default=0)):
-        message = "the comma parts its columns and its decimals; export it with semicolons"
+        message = "the comma may part its columns and its decimals; export it with semicolons"
         raise ValueError(message)
     heading = _heading(above, table, decimal, shows=shows)
     return TextLayout(encoding, separator, decimal, first_row, width, heading, sum(loose))
@@ -404,19 +406,21 @@ def _loose_rows(above: Sequence[Sequence[str]], width: int, decimal: str) -> lis
 
 
 def _parts_decimals(table: Sequence[Sequence[str]], names: int) -> bool:
-    """Return True if the comma between the columns of a table is its decimal mark as well.
+    """Return True if the comma between the columns of a table may be its decimal mark as well.
 
-    There are fewer names than columns, and digits behind a mark often begin with a zero.
+    There are fewer names than columns; or digits behind whole numbers have one length, some begin
+    with a zero, and they differ more than those of a state.
     """
     if any("." in cell and not is_stamp(cell) for cells in table for cell in cells):
         return False
     width = len(table[0])
-    behind = [
-        column for column in list(zip(*table, strict=True))[1:] if all(map(str.isdigit, column))
-    ]
     zeros = any(
-        len({*map(len, column)}) == 1 < len(column[0]) < 6 and any(c[0] == "0" for c in column)
-        for column in behind
+        all(map(str.isdigit, column))
+        and len({*map(len, column)}) == 1 < len(column[0]) < 6
+        and any(cell[0] == "0" for cell in column)
+        and len({*column}) > _MOST_STATES
+        and all(cell.lstrip("+-").isdigit() for cell in map(plain_sign, before))
+        for before, column in pairwise(zip(*table, strict=True))
     )
     return names + 1 < width <= 2 * names or (zeros and names < width)
 
