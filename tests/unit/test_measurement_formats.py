@@ -1,6 +1,7 @@
 """Binary formats: there and back, as other programs lay them out, and damaged."""
 
 import io
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
@@ -157,7 +158,7 @@ def test_a_cell_array_of_fewer_values_than_it_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "bit", "reason", "kept"),
     [
-        (134, 0, "cut off within a variable", {"Fs"}),
+        (134, 0, "cut off within a variable$", {"Fs"}),
         (312, 2, "as many numbers as it says", {"Fs", "a", "s"}),
         (328, 0, "as many values as it says", {"Fs", "a", "s"}),
     ],
@@ -174,6 +175,23 @@ def test_a_flipped_bit_that_scipy_does_not_notice(
     found = loadmat(path, squeeze_me=True, struct_as_record=False)
     assert {name for name in found if name[0] != "_"} == kept
     assert not hasattr(found.get("s"), "u")
+    with pytest.raises(ValueError, match=reason):
+        check_mat5(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda content: content[: len(content) // 2], "^it is cut off within a variable$"),
+        (lambda content: content[:128] + b"\x0d" + content[129:], "^it holds .* of type 13 where"),
+    ],
+)
+def test_what_is_wrong_with_the_elements_of_a_file(
+    tmp_path: Path, change: Callable[[bytes], bytes], reason: str
+) -> None:
+    path = tmp_path / "a.mat"
+    savemat(path, {"a": ROD})
+    path.write_bytes(change(path.read_bytes()))
     with pytest.raises(ValueError, match=reason):
         check_mat5(path)
 

@@ -419,8 +419,11 @@ def _elements(content: memoryview, order: str, kinds: Sequence[int]) -> Elements
             at += TAG
         else:
             at = start + size + (-size % 8 if kind in WIDTHS else 0)
-        if start + size > content.nbytes or kind not in kinds:
-            message = "it is cut off within a variable, or holds an element of another type"
+        if kind not in kinds:
+            message = f"it holds an element of type {kind} where none may be"
+            raise ValueError(message)
+        if start + size > content.nbytes:
+            message = "it is cut off within a variable"
             raise ValueError(message)
         found.append((kind, content[start : start + size]))
     return found
