@@ -18,12 +18,42 @@ from typing import Any
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
-from turnout.measurement.formats.reader_process import Request
-from turnout.measurement.recording import Recording
+from turnout.measurement.formats.reader_process import Answer, Request
+from turnout.measurement.recording import RecordedChannel, Recording
 
 # To load the packages of a reader: their own time, whatever the file [s].
 LOADING_SECONDS = 120.0
 SERVER = "turnout.measurement.formats.reader_process"
+
+
+_CLASSES = {
+    (kind.__module__, kind.__qualname__): kind
+    for kind in (Answer, Recording, RecordedChannel, FileError, Exception)
+}
+_OF_NUMPY = ("_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer")
+
+
+class AnswerUnpickler(pickle.Unpickler):
+    """An unpickler of recordings and errors: a reader that a file has taken over sends no code."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return what answers are made of; UnpicklingError for anything else."""
+        if (module, name) in _CLASSES:
+            return _CLASSES[module, name]
+        if (module, name) == ("builtins", "getattr"):
+            return _new_of
+        if module.partition(".")[0] == "numpy" and name in _OF_NUMPY:
+            return super().find_class(module, name)
+        message = f"no answer holds {module}.{name}"
+        raise pickle.UnpicklingError(message)
+
+
+def _new_of(kind: type, name: str) -> Any:
+    """Return the constructor of a class, with which errors are pickled."""
+    if name != "__new__":
+        message = f"no answer holds an attribute {name}"
+        raise pickle.UnpicklingError(message)
+    return kind.__new__
 
 
 class RecordingReader:
@@ -49,11 +79,14 @@ class RecordingReader:
         with suppress(OSError):
             pickle.dump(request, self.process.stdin)
             self.process.stdin.flush()
-        loaded, _ = self._answer(LOADING_SECONDS)
-        return self._answer(request.seconds) if loaded else (None, False)
+        loaded, _ = self._answer(LOADING_SECONDS, bool)
+        return self._answer(request.seconds, Answer) if loaded else (None, False)
 
-    def _answer(self, seconds: float) -> tuple[Any, bool]:
-        """Wait for an answer of the process, which is killed when it takes too long."""
+    def _answer(self, seconds: float, kind: type) -> tuple[Any, bool]:
+        """Wait for an answer of the process, which is killed when it takes too long.
+
+        It is killed as well when it answers anything but that kind: a file has damaged it.
+        """
         assert self.process.stdout is not None
         late = threading.Event()
 
@@ -65,11 +98,17 @@ class RecordingReader:
         timer.daemon = True
         timer.start()
         try:
-            return pickle.load(self.process.stdout), late.is_set()
-        except (EOFError, pickle.UnpicklingError):
+            answer = AnswerUnpickler(self.process.stdout).load()
+        except EOFError:
             return None, late.is_set()
+        except Exception:  # bytes that are no answer make it raise whatever they mean
+            answer = None
         finally:
             timer.cancel()
+        if not isinstance(answer, kind):
+            self.process.kill()
+            return None, late.is_set()
+        return answer, late.is_set()
 
     def close(self) -> int:
         """End the process, whatever it does; return its exit code."""
