@@ -80,6 +80,9 @@ JSON: list[File] = [
     ("JSON, decimal commas", ".json", as_json({
         k: [f"{v:.3f}".replace(".", ",") for v in values]
         for k, values in (("time", TIME), ("Force", FORCE), ("Current", CURRENT))}), BOTH),
+    ("JSON, commas before three digits", ".json", as_json({
+        "fs": 25, "Current": [f"{v:.3f}".replace(".", ",") for v in CURRENT]}),
+     {"Current": (25.0, 0.0)}),
     ("JSON rows without names", ".json",
      as_json(np.column_stack((TIME, FORCE, CURRENT)).tolist()),
      {"column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),

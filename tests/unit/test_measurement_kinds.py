@@ -1,5 +1,6 @@
 """Recordings of many loggers and programs: the right samples at the right times, or the reason."""
 
+import json
 import re
 from pathlib import Path
 
@@ -72,3 +73,16 @@ def test_remarks(tmp_path: Path, text: str, remarks: tuple[str, ...]) -> None:
     path = tmp_path / "throw.csv"
     path.write_text(text, encoding="utf-8")
     assert read_recording(path).problems == remarks
+
+
+@pytest.mark.parametrize(
+    ("others", "remark"),
+    [
+        (["2", "3"], "all have three digits behind ',', which is taken for the decimal mark"),
+        (["2.5", "3.25"], "',' is taken to part thousands ('7,000')"),
+    ],
+)
+def test_a_remark_on_commas_in_texts(tmp_path: Path, others: list[str], remark: str) -> None:
+    path = tmp_path / "throw.json"
+    path.write_text(json.dumps({"fs": 25, "I": ["7,000", "6,250"], "U": others}), encoding="utf-8")
+    assert read_recording(path).problems == (f"check the values: {remark}",)

@@ -38,6 +38,7 @@ from turnout.measurement.formats.numbers import (
     is_number,
     numbers,
     numbers_with_unit,
+    unclear_mark,
 )
 from turnout.measurement.formats.time_axis import (
     TimeAxis,
@@ -166,7 +167,10 @@ def label_of(table: Table, place: int) -> str:
 def _sort_columns(table: Table) -> None:
     """Sort columns of numbers, stamps, lists and texts."""
     _turn_rows(table)
-    table.decimal = table.decimal or _decimal_mark(table.columns)
+    if not table.decimal:
+        texts = [cell for c in table.columns if c.cells.dtype.kind == "O" for cell in c.cells]
+        table.decimal, remarks = _decimal_mark([cell for cell in texts if isinstance(cell, str)])
+        table.problems += remarks
     _take_dates(table)
     dates: dict[int, list[str]] = {}
     for place, column in enumerate(table.columns):
@@ -189,11 +193,22 @@ def _sort_columns(table: Table) -> None:
             del table.values[place]
 
 
-def _decimal_mark(columns: Sequence[TableColumn]) -> str:
-    """Return the decimal mark in the texts of columns: a comma if one is no number without."""
-    texts = [cell for c in columns if c.cells.dtype.kind == "O" for cell in c.cells]
-    texts = [cell for cell in texts if isinstance(cell, str) and "," in cell]
-    return "," if any(is_number(t, ",") and not is_number(t, ".") for t in texts) else "."
+def _decimal_mark(texts: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the decimal mark in texts, and a remark if they may be read with the other.
+
+    A comma if one is no number without, or if there is no point.
+    """
+    marked = [text for text in texts if "," in text or "." in text]
+    commas = [text for text in marked if is_number(text, ",")]
+    points = [text for text in marked if is_number(text, ".")]
+    if any(not is_number(text, ".") for text in commas):
+        return ",", []
+    grouped = [text for text in commas if "," in text]
+    if not grouped:
+        return ".", unclear_mark("\n".join(points), ".")
+    if all(is_number(text, ",", thousands=False) for text in points):
+        return ",", unclear_mark("\n".join(points), ",")
+    return ".", [f"check the values: ',' is taken to part thousands ('{grouped[0].strip()}')"]
 
 
 def _take_dates(table: Table) -> None:

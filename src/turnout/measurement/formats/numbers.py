@@ -133,6 +133,24 @@ def numbers_with_unit(
     return None if wrong else (values, list(dict.fromkeys(part[2] for part in found)))
 
 
+def unclear_mark(text: str, decimal: str) -> list[str]:
+    """Return a remark if the decimal mark might part thousands instead, by all numbers of a text.
+
+    Examples
+    --------
+    >>> len(unclear_mark("7,000;6,250", ",")), len(unclear_mark("7,000;0,250", ","))
+    (1, 0)
+    """
+    mark = re.escape(decimal)
+    plain = rf"(?:(?<![\d{mark}])(?:0\d*|\d{{4,}}|){mark}\d|{mark}(?:\d{{0,2}}|\d{{4,}})(?!\d))"
+    if not re.search(rf"\d{mark}\d", text) or re.search(plain, text):
+        return []
+    return [
+        f"check the values: all have three digits behind '{decimal}', which is taken for the "
+        "decimal mark"
+    ]
+
+
 LEAST_CURVE = 4
 """Numbers of a list that make it a curve."""
 

@@ -15,7 +15,7 @@ from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
-from turnout.measurement.formats.numbers import EMPTY
+from turnout.measurement.formats.numbers import EMPTY, unclear_mark
 from turnout.measurement.formats.text_dialect import (
     SAMPLE_SIZE,
     TextLayout,
@@ -81,7 +81,8 @@ def _table(content: bytes, layout: TextLayout, source: str) -> Table:
     text = _Text(layout, above, body)
     frame, problems = _cells(text)
     heading, width = layout.heading, layout.width
-    problems += _unclear_mark(text)
+    if layout.decimal != layout.separator:
+        problems += unclear_mark(body, layout.decimal)
     if layout.loose_rows > 1:
         problems.append(f"{layout.loose_rows} rows of numbers above the table are left out")
     if heading.stated.rates or heading.stated.weak:
@@ -220,19 +221,6 @@ def _without_side_heading(frame: Any, stated: StatedClock, decimal: str) -> Any:
         if values:
             stated.read(str(row[0]), values, decimal=decimal)
     return frame.drop(columns=beside)
-
-
-def _unclear_mark(text: _Text) -> list[str]:
-    """Return a remark if the decimal mark might part thousands instead, by all its numbers."""
-    mark = re.escape(text.layout.decimal)
-    shown = re.search(rf"\d{mark}\d", text.body)
-    plain = rf"(?:(?<![\d{mark}])(?:0\d*|\d{{4,}}|){mark}\d|{mark}(?:\d{{0,2}}|\d{{4,}})(?!\d))"
-    if text.layout.decimal == text.layout.separator or not shown or re.search(plain, text.body):
-        return []
-    return [
-        f"check the values: all have three digits behind '{text.layout.decimal}', which is taken "
-        "for the decimal mark"
-    ]
 
 
 def _lost_lines(text: _Text) -> list[str]:
