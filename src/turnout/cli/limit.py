@@ -290,7 +290,7 @@ def _with_ends(row: "Mapping[str, float | str | None]", name: str) -> str:
     """Return a length and its interval in millimetres; one word where all is beyond."""
     low, high = (_millimetres(row[f"{name}_interval_{end}"]) for end in ("low", "high"))
     value = _millimetres(row[name])
-    return value if value == low == high else f"{value} ({low} ... {high})"
+    return value if value == low == high == BEYOND else f"{value} ({low} ... {high})"
 
 
 def write_map(
@@ -362,8 +362,12 @@ def _interval(row: "Mapping[str, float | str | None]", name: str) -> list[str]:
     return [value, f"{low} ... {high}"]
 
 
+BEYOND = "beyond"
+"""In place of a length beyond what was thrown."""
+
+
 def _millimetres(value: object) -> str:
-    return f"{1e3 * value:.1f}" if isinstance(value, float) else "beyond"
+    return f"{1e3 * value:.1f}" if isinstance(value, float) else BEYOND
 
 
 def _known_lines(
