@@ -1,8 +1,6 @@
 """Binary formats: there and back, as other programs lay them out, and damaged."""
 
 import io
-import os
-import pickle
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +13,6 @@ from scipy.sparse import csc_array
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.file_format import FORMATS, read_recording, write_recording
-from turnout.measurement.formats.isolated import read_isolated
 from turnout.measurement.formats.mat import check_mat5
 from turnout.measurement.recording import RecordedChannel, Recording
 
@@ -219,29 +216,6 @@ def test_whatever_matlab_holds_passes_the_check(
 ) -> None:
     savemat(tmp_path / "a.mat", {"value": value, "Fs": 1000.0}, do_compression=compressed)
     check_mat5(tmp_path / "a.mat")
-
-
-@pytest.mark.parametrize(
-    ("reader", "answer"),
-    [
-        ("read_foreign", b""),
-        ("read_garbled", b"garbage\n"),
-        ("read_garbled", pickle.dumps(5)),
-        ("read_garbled", pickle.dumps(os.getpid)),
-        ("read_garbled", pickle.dumps([FileError("no answer")])),
-        ("read_garbled", b"cbuiltins\ngetattr\n(cnumpy\nndarray\nVtofile\ntR."),
-    ],
-)
-def test_an_answer_of_a_reader_that_is_none(tmp_path: Path, reader: str, answer: bytes) -> None:
-    """The reader is ended, and the next file read by another."""
-    path = tmp_path / "throw.bin"
-    path.write_bytes(answer)
-    module = "tests.unit.garbled_reader"
-    with pytest.raises(FileError, match="throw.bin: the reader of strange files crashed on it"):
-        read_isolated(path, reader=f"{module}:{reader}", kind="strange")
-    (found,) = read_isolated(path, reader=f"{module}:read_sound", kind="strange")
-    assert isinstance(found, Recording)
-    assert found.channel("Force").values.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".h5"])

@@ -208,13 +208,14 @@ def _read(path: Path, *, allow_outside: bool, throws: Sequence[str]) -> list[Rec
     throws = throws if kind.tables else ()
     if not kind.reader:
         return recordings_of(text_table(path.read_bytes(), source=str(path)), throws)
-    if kind.package:
-        require(kind.package, purpose=f"{path}: {kind.name} files")
+    packages = [kind.package] if kind.package else []
+    for package in packages:
+        require(package, purpose=f"{path}: {kind.name} files")
     return read_isolated(
         path,
         reader=f"turnout.measurement.formats.{kind.reader}",
         kind=kind.name.removesuffix(" 7.3"),
-        package=kind.package,
+        packages=packages,
         throws=throws,
         **({"allow_outside": allow_outside} if kind.refers else {}),
     )

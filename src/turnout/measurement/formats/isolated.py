@@ -5,55 +5,26 @@ its start once. After a file on which it crashes, runs out of memory or is too s
 """
 
 import atexit
+import json
 import os
-import pickle
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from turnout.core.errors import FileError
 from turnout.measurement.formats.extent import most_memory, most_seconds
-from turnout.measurement.formats.reader_process import Answer, Request
+from turnout.measurement.formats.reader_process import ARRAYS, EXHAUSTED, FAULT, RECORDINGS
 from turnout.measurement.recording import RecordedChannel, Recording
 
 # To load the packages of a reader: their own time, whatever the file [s].
 LOADING_SECONDS = 120.0
-SERVER = "turnout.measurement.formats.reader_process"
-
-
-_CLASSES = {
-    (kind.__module__, kind.__qualname__): kind
-    for kind in (Answer, Recording, RecordedChannel, FileError, Exception)
-}
-_OF_NUMPY = ("_reconstruct", "ndarray", "dtype", "scalar", "_frombuffer")
-
-
-class AnswerUnpickler(pickle.Unpickler):
-    """An unpickler of recordings and errors: a reader that a file has taken over sends no code."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Return what answers are made of; UnpicklingError for anything else."""
-        if (module, name) in _CLASSES:
-            return _CLASSES[module, name]
-        if (module, name) == ("builtins", "getattr"):
-            return _new_of
-        if module.partition(".")[0] == "numpy" and name in _OF_NUMPY:
-            return super().find_class(module, name)
-        message = f"no answer holds {module}.{name}"
-        raise pickle.UnpicklingError(message)
-
-
-def _new_of(kind: type, name: str) -> Any:
-    """Return the constructor of a class, with which errors are pickled."""
-    if name != "__new__":
-        message = f"no answer holds an attribute {name}"
-        raise pickle.UnpicklingError(message)
-    return kind.__new__
 
 
 class RecordingReader:
@@ -64,29 +35,32 @@ class RecordingReader:
         paths = os.pathsep.join(os.path.abspath(item) for item in sys.path if item)
         self.owner = os.getpid()
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", f"from {SERVER} import serve_reader; serve_reader()"],
+            [sys.executable, "-P", "-m", "turnout.measurement.formats.reader_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            text=True,
+            encoding="utf-8",
             env={**os.environ, "PYTHONPATH": paths},
             # Ctrl-C is answered by the program that reads, which ends this process.
             start_new_session=True,
         )
 
-    def ask(self, request: Request) -> tuple[Any, bool]:
-        """Return the answer, None if the process ended, and True if time ran out."""
+    def ask(self, request: dict[str, Any]) -> tuple[dict[str, Any], bool]:
+        """Return the answer, empty if the process ended, and True if time ran out."""
         assert self.process.stdin is not None
         with suppress(OSError):
-            pickle.dump(request, self.process.stdin)
+            self.process.stdin.write(json.dumps(request) + "\n")
             self.process.stdin.flush()
-        loaded, _ = self._answer(LOADING_SECONDS, bool)
-        return self._answer(request.seconds, Answer) if loaded else (None, False)
+        loaded, _ = self._line(LOADING_SECONDS)
+        if not loaded:
+            return {}, False
+        line, late = self._line(float(request["seconds"]))
+        found: dict[str, Any] = json.loads(line) if line.endswith("\n") else {}
+        return found, late
 
-    def _answer(self, seconds: float, kind: type) -> tuple[Any, bool]:
-        """Wait for an answer of the process, which is killed when it takes too long.
-
-        It is killed as well when it answers anything but that kind: a file has damaged it.
-        """
+    def _line(self, seconds: float) -> tuple[str, bool]:
+        """Wait for a line of the process, which is killed when it takes too long."""
         assert self.process.stdout is not None
         late = threading.Event()
 
@@ -98,17 +72,9 @@ class RecordingReader:
         timer.daemon = True
         timer.start()
         try:
-            answer = AnswerUnpickler(self.process.stdout).load()
-        except EOFError:
-            return None, late.is_set()
-        except Exception:  # bytes that are no answer make it raise whatever they mean
-            answer = None
+            return self.process.stdout.readline(), late.is_set()
         finally:
             timer.cancel()
-        if not isinstance(answer, kind):
-            self.process.kill()
-            return None, late.is_set()
-        return answer, late.is_set()
 
     def close(self) -> int:
         """End the process, whatever it does; return its exit code."""
@@ -134,7 +100,7 @@ def read_isolated(
     *,
     reader: str,
     kind: str,
-    package: str = "",
+    packages: Sequence[str] = (),
     throws: Sequence[str] = (),
     **options: object,
 ) -> list[Recording | FileError]:
@@ -148,7 +114,7 @@ def read_isolated(
         Module and function: "turnout.measurement.formats.hdf5:read_hdf5".
     kind : str
         What files of this kind are called.
-    package : str
+    packages : sequence of str
         What the reader loads, which does not count as time of the file.
     throws : sequence of str
         Which throws of several in one table; none for the one recording of a file.
@@ -161,39 +127,38 @@ def read_isolated(
         When the reader refuses the file, crashes on it, or takes too much memory or time.
     """
     size = path.stat().st_size
-    seconds = most_seconds(size)
-    with _lock:
+    with _lock, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        seconds = most_seconds(size)
+        request = {
+            "file": str(path.absolute()),
+            "kind": kind,
+            "reader": reader,
+            "packages": packages,
+            "throws": throws,
+            "folder": folder,
+            "memory": most_memory(size),
+            "seconds": seconds,
+            "options": options,
+        }
         process = _reader()
-        reply: Any = None
+        reply: dict[str, Any] = {}
         late, code = False, 0
         try:
-            reply, late = process.ask(
-                Request(
-                    folder="" if path.is_absolute() else os.getcwd(),
-                    path=path,
-                    kind=kind,
-                    reader=reader,
-                    package=package,
-                    throws=tuple(throws),
-                    memory=most_memory(size),
-                    seconds=seconds,
-                    options=options,
-                )
-            )
+            reply, late = process.ask(request)
         finally:
-            if reply is None or reply.exhausted:
+            if not reply or EXHAUSTED in reply:
                 _kept.clear()
                 code = process.close()
-    if late:
-        message = f"{path}: takes longer than {seconds:.0f} s to read; save it in another format"
-        raise FileError(message)
-    if reply is None:
-        raise FileError(_crash(path, kind, code))
-    if isinstance(reply.found, FileError):
-        raise reply.found
-    found: list[Recording | FileError] = reply.found
-    # That of a sheet names it as well.
-    return [replace(r, source=str(path)) if isinstance(r, Recording) else r for r in found]
+        if late:
+            message = (
+                f"{path}: takes longer than {seconds:.0f} s to read; save it in another format"
+            )
+            raise FileError(message)
+        if not reply:
+            raise FileError(_crash(path, kind, code))
+        if FAULT in reply:
+            raise _fault(path, reply)
+        return _recordings(path, reply[RECORDINGS], Path(folder))
 
 
 def _reader() -> RecordingReader:
@@ -209,6 +174,29 @@ def _reader() -> RecordingReader:
 def _end() -> None:
     while _kept:
         _kept.pop().close()
+
+
+def _fault(path: Path, reply: dict[str, Any]) -> FileError:
+    return FileError(str(reply[FAULT]).replace(str(path.absolute()), str(path)))
+
+
+def _recordings(
+    path: Path, replies: list[dict[str, Any]], folder: Path
+) -> list[Recording | FileError]:
+    found: list[Recording | FileError] = []
+    with np.load(folder / ARRAYS, allow_pickle=False) as arrays:
+        for reply in replies:
+            if FAULT in reply:
+                found.append(_fault(path, reply))
+                continue
+            channels = {
+                item["name"]: RecordedChannel(**{**item, "values": arrays[item["values"]]})
+                for item in reply["channels"]
+            }
+            whole = {key: reply[key] for key in ("start_time", "labels")}
+            problems = tuple(reply["problems"])
+            found.append(Recording(channels, str(path), problems=problems, **whole))
+    return found
 
 
 def _crash(path: Path, kind: str, code: int) -> str:
