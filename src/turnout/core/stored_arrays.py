@@ -36,7 +36,12 @@ def arrays_to_bytes(arrays: Mapping[str, NDArray[Any]], purpose: str) -> bytes:
         raise TypeError(message)
     stream = io.BytesIO()
     members: dict[str, Any] = {**arrays, DIGEST: np.array(_digest(arrays, purpose))}
-    np.savez(stream, **members)
+    try:
+        np.savez(stream, **members)
+    except ValueError as error:  # Ctrl-C within a member: closing the file fails in its place
+        if isinstance(error.__context__, KeyboardInterrupt):
+            raise error.__context__ from None
+        raise
     return stream.getvalue()
 
 
