@@ -12,12 +12,19 @@ START, FIRST, BATCHES, WORKERS = 6.0, 3.0, 30, 2
 """Time before the first throw and more time of a first batch [s]; batches and processes."""
 
 
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the time of the clock [s], to be set."""
+    seconds = [0.0]
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: seconds[0]))
+    return seconds
+
+
 @pytest.mark.parametrize("cost", [1.0, 4.0])
 def test_the_whole_time_is_known_from_the_second_batch_of_each_process(
-    monkeypatch: pytest.MonkeyPatch, cost: float
+    now: list[float], cost: float
 ) -> None:
-    now, told = [0.0], list[Progress]()
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    told = list[Progress]()
     pace = Pace(told.append)
     pace.begin("throws", 10 * BATCHES)
     busy = [(START + FIRST + cost, FIRST + cost) for _ in range(WORKERS)]
@@ -33,9 +40,7 @@ def test_the_whole_time_is_known_from_the_second_batch_of_each_process(
     assert told[-1].left == 0.0
 
 
-def test_time_left_goes_on_between_batches(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
+def test_time_left_goes_on_between_batches(now: list[float]) -> None:
     pace = Pace()
     pace.begin("throws", 40)
     for now[0] in (10.0, 20.0):
@@ -46,10 +51,8 @@ def test_time_left_goes_on_between_batches(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_one_that_costs_little_does_not_stand_for_the_others(
-    monkeypatch: pytest.MonkeyPatch,
+    now: list[float],
 ) -> None:
-    now = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
     pace = Pace()
     pace.begin("panels", 12)
     for cost in (10.0, 0.05, 10.0, 10.0, 0.05, 10.0):
@@ -59,10 +62,8 @@ def test_one_that_costs_little_does_not_stand_for_the_others(
 
 
 def test_a_kind_that_is_still_to_come_takes_as_many_times_longer_as_planned(
-    monkeypatch: pytest.MonkeyPatch,
+    now: list[float],
 ) -> None:
-    now = [0.0]
-    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: now[0]))
     pace = Pace()
     pace.begin("throws", 20)
     pace.plan("thresholds", 4, like=50.0)

@@ -168,8 +168,9 @@ def monitored(run: xr.Dataset, monitoring: Monitoring | None = None) -> xr.Datas
             squared = name in ROOT_MEAN_SQUARES
             mean = _means(values**2 if squared else values, time, edges)
             mean = np.sqrt(np.maximum(mean, 0.0)) if squared else mean
-            stored = chosen.recorder(name).recorded(edges[1:], mean)
-            found[name].append(np.round(stored, 9) if chosen.recorder(name).resolution else stored)
+            recorder = chosen.recorder(name)
+            stored = recorder.recorded(edges[1:], mean)
+            found[name].append(np.round(stored, 9) if recorder.resolution else stored)
     return xr.Dataset(
         {
             name: (("drive", "time"), np.array(rows), run[name].attrs)
