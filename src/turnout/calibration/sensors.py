@@ -307,7 +307,7 @@ class FoundSensor:
 
     @property
     def leaves(self) -> bool:
-        """True if the movements put it beyond what was stated of it.
+        """True if the movements put it beyond its prior.
 
         Channels take up something of all others: one of so many is off by chance more often.
         """

@@ -202,7 +202,7 @@ def _sensor_block(alignment: Alignment, sensors: Sequence[SensorColumn]) -> Floa
 
 
 def measured_at(movement: MeasuredMovement, source: Key, bins: NDArray[np.intp]) -> Floats:
-    """Measured values of a channel in some bins, 0 where there are none."""
+    """Look up the measured values of a channel in some bins; missing ones are 0."""
     for signal in movement.signals:
         if (signal.channel, signal.drive) == source:
             return np.asarray(np.nan_to_num(signal.values[bins]), dtype=np.float64)

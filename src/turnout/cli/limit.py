@@ -363,7 +363,7 @@ def _interval(row: "Mapping[str, float | str | None]", name: str) -> list[str]:
 
 
 BEYOND = "beyond"
-"""In place of a length beyond what was thrown."""
+"""Text for a length above all sizes that were thrown."""
 
 
 def _millimetres(value: object) -> str:

@@ -260,7 +260,7 @@ def _letters(there: Container[str]) -> str:
 
 
 def _untold(drive: str, there: Container[str], rated_voltage: float) -> ThreePhaseFit:
-    """Return the fit of a drive of which nothing is known but what was recorded of it."""
+    """Return an empty fit of a drive, with the names of its missing recordings."""
     missing = tuple(letter for what, letter in LETTERS.items() if what not in there)
     without = NotIdentified(reason=f"{' and '.join(missing)} not recorded")
     return ThreePhaseFit(

@@ -295,7 +295,7 @@ def _errors(knowledge: Knowledge, seed: int) -> Errors:
 
 
 def thresholds_after(history: int, part: str = CYCLE) -> str:
-    """Name what is counted while thresholds are taken."""
+    """Return the name of thresholds in reports of progress."""
     return f"thresholds after {history} throws" if history else f"thresholds of the {part}"
 
 

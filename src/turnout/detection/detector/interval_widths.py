@@ -49,7 +49,7 @@ class Tried:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThrowAnswer:
-    """Answer to a throw: by how many half-intervals it misses what is true.
+    """Answer to a throw, with its misses of the truth in half-intervals.
 
     Attributes
     ----------

@@ -68,7 +68,7 @@ Floats = NDArray[np.float64]
 REST_AFTER_STOP = 1.0
 """Simulated after the last motor has stopped [s]."""
 OF_MACHINES = ("drive_voltage", "drive_power", "drive_apparent_power")
-"""What a monitoring system stores of machines beside their currents."""
+"""Channels of machines that a monitoring system stores beside currents."""
 DIRECTIONS = {"closed": "closing", "open": "opening"}
 
 
