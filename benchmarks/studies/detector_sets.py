@@ -40,6 +40,7 @@ from turnout.study.defects import OTHER_RAIL, Row, chair_factor, defect, over_tr
 from turnout.study.read_study import scheme_for
 from turnout.study.scenario import Output
 from turnout.study.study import Study
+from turnout.study.sweep.read import open_batches
 
 KIND = "object.kind"
 SEED = 700_000
@@ -281,10 +282,8 @@ class Throws:
                 print(f"{path}: {SAMPLE} of its throws thrown again are the same", flush=True)
                 _keep(path, plan, sources, arrays)
         if arrays is None:
-            made = throw_plans({name: plan}, place, workers=self._workers, pace=Pace(show(name)))[
-                name
-            ]
-            arrays = read(plan, made)
+            run = {"workers": self._workers, "pace": Pace(show(name))}
+            arrays = read(plan, open_batches(throw_plans({name: plan}, place, **run)[name]))
             _keep(path, plan, sources, arrays)
         return arrays
 
@@ -322,7 +321,7 @@ def _thrown_again(plan: Plan, rows: np.ndarray, place: Path) -> tuple[Plan, xr.D
         for name in ("partner", "switch", "inputs", "level", "start")
     }
     own = replace(plan, study=replace(plan.study, design=design), **labels)
-    return own, throw_plans({"again": own}, place)["again"]
+    return own, open_batches(throw_plans({"again": own}, place)["again"])
 
 
 def _forces(plan: Plan, dataset: xr.Dataset) -> Arrays:

@@ -63,7 +63,8 @@ def _is_plain(values: Sequence[Any]) -> bool:
     kinds = set(map(type, values))
     if not kinds <= _PLAIN:
         return False
-    return float not in kinds or all(math.isfinite(v) for v in values if type(v) is float)
+    numbers = values if kinds == {float} else [v for v in values if type(v) is float]
+    return all(map(math.isfinite, numbers))
 
 
 def from_plain(kind: type[T], value: object, *, where: str = "") -> T:

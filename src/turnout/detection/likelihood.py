@@ -272,14 +272,15 @@ def make_hypotheses(
     weight = np.maximum(1.0 - np.abs(distance) / REACH, 0.0)
     total = np.array([np.bincount(signatures.kind, weights=row, minlength=kinds) for row in weight])
     first, count = np.argmax(weight > 0.0, axis=0), np.count_nonzero(weight, axis=0)
-    bases = [centre.root @ signatures.basis for centre in centres]
+    bases = [(centre.root @ signatures.basis).astype(np.float32) for centre in centres]
+    metrics = [basis.T @ basis for basis in bases]
     blocks, parts, end = [], [], 0
     for start, length in sorted({(int(a), int(b)) for a, b in zip(first, count, strict=True) if b}):
         number = np.flatnonzero((first == start) & (count == length))
         span = slice(start, start + length)
-        change = _rows(signatures.change, number)
-        metrics = [basis.T @ basis for basis in bases[span]]
-        square = np.stack([np.einsum("ij,ij->i", change @ m, change) for m in metrics], axis=1)
+        change = _rows(signatures.change, number).astype(np.float32)
+        squares = [np.einsum("ij,ij->i", change @ own, change) for own in metrics[span]]
+        square = np.stack(squares, axis=1).astype(np.float64)
         kind = signatures.kind[number]
         share = np.log(weight[span, number] / total[span][:, kind]).T
         scale = np.array([centre.log_scale for centre in centres[span]])
@@ -288,7 +289,7 @@ def make_hypotheses(
         place = np.tile(np.arange(start, start + length), (len(number), 1))
         parts.append((np.tile(number[:, np.newaxis], length), place, square, tight, log_scale))
         rows = slice(end, end + square.size)
-        blocks.append(Block(change=change.astype(np.float32), centres=span, rows=rows))
+        blocks.append(Block(change=change, centres=span, rows=rows))
         end += square.size
     joined = [np.concatenate([part.ravel() for part in item]) for item in zip(*parts, strict=True)]
     order = np.argsort(signatures.kind[joined[0]], kind="stable")

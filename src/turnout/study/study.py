@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ DIGEST_FIELDS = ("scheme", "output", "design", "variables", "fields", "law", "ru
 """Fields that determine the results of a study, besides panel and seed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Study:
     """Many throws of one panel, each by its number.
 
@@ -82,7 +83,7 @@ class Study:
     split: tuple[str, ...]
     remarks: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Content hash of all that determines the results but the version of the program."""
         content = {name: getattr(self, name) for name in DIGEST_FIELDS}

@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from turnout.detection.conditioning import conditioned
 from turnout.detection.detector.sound_model import SPACING_SHARE, SoundModel
 
 Floats = NDArray[np.float64]
@@ -108,12 +107,31 @@ def before_history(model: SoundModel, errors: ThrowErrors) -> Expectation:
     return Expectation(mean=np.zeros(modes + size), covariance=covariance)
 
 
-def response_at(model: SoundModel, number: int, *, size: int) -> Floats:
-    r"""Return what :math:`u`, :math:`\delta` make of a throw at a centre, shape (n, r + size)."""
-    rows = model.switch.shape[1]
-    fixed = np.zeros((rows, size))
-    fixed[:size] = np.eye(size)
-    return np.hstack([model.switch[number], fixed])
+def covariance_of_throw(
+    covariance: Floats, response: Floats, at: NDArray[np.intp]
+) -> tuple[Floats, Floats]:
+    r"""Return the covariance of :math:`B u + \delta` with what is known, and its own.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (r + n_features, r + n_features)
+        Of :math:`u` and :math:`\delta`.
+    response : ndarray, shape (n, r)
+        :math:`B`.
+    at : ndarray of int, shape (m,)
+        Features of the first m rows; there is no :math:`\delta` in the others.
+
+    Returns
+    -------
+    crossed : ndarray, shape (n, r + n_features)
+    own : ndarray, shape (n, n)
+    """
+    modes = response.shape[1]
+    crossed = response @ covariance[:modes]
+    crossed[: len(at)] += covariance[modes + at]
+    own = crossed[:, :modes] @ response.T
+    own[:, : len(at)] += crossed[:, modes + at]
+    return crossed, own
 
 
 def error_at(model: SoundModel, errors: ThrowErrors, number: int, *, level: float) -> Floats:
@@ -142,12 +160,14 @@ def predict(
     model: SoundModel, errors: ThrowErrors, known: Expectation, number: int
 ) -> tuple[Floats, Floats]:
     """Return mean and covariance of the next sound throw at a centre, features and then gaps."""
-    size = len(errors.fixed)
-    response = response_at(model, number, size=size)
-    found = response @ known.covariance @ response.T
+    response, size = model.switch[number], len(errors.fixed)
+    modes = response.shape[1]
+    _, found = covariance_of_throw(known.covariance, response, np.arange(size))
     own = errors.scattered(known.scatter)
     found += error_at(model, own, number, level=SPACING_SHARE * model.spacing)
-    return model.mean[number] + response @ known.mean, 0.5 * (found + found.T)
+    mean = model.mean[number] + response @ known.mean[:modes]
+    mean[:size] += known.mean[modes:]
+    return mean, 0.5 * (found + found.T)
 
 
 def observe(
@@ -176,23 +196,24 @@ def observe(
     drift : float
         Variance by which the switch drifts since the throw before, share of the population's [-].
     """
-    seen = np.isfinite(features)
+    seen = np.flatnonzero(np.isfinite(features))
     mean, response, error = _expected_at(model, errors.scattered(known.scatter), level)
-    response, error = response[seen], error[np.ix_(seen, seen)]
+    response, grid, modes = response[seen], np.ix_(seen, seen), response.shape[1]
     before = known.covariance
     if known.throws and drift:
         before = before + drift * before_history(model, errors).covariance
-    covariance, gain = conditioned(before, way=response, error=error)
-    off = features[seen] - mean[seen] - response @ known.mean
-    scatter, information = _scatter_after(
-        known,
-        off,
-        covariance=response @ before @ response.T + error,
-        changing=errors.changing[np.ix_(seen, seen)],
-    )
+    crossed, covariance = covariance_of_throw(before, response, seen)
+    lower = np.linalg.cholesky(covariance + error[grid])
+    # the update of Kalman (1960) by the root of the covariance of what is seen
+    gain = solve_triangular(lower, crossed, lower=True)
+    off = (features - mean)[seen] - response @ known.mean[:modes] - known.mean[modes + seen]
+    white = solve_triangular(lower, off, lower=True)
+    half = solve_triangular(lower, errors.changing[grid], lower=True)
+    share = solve_triangular(lower, half.T, lower=True)
+    scatter, information = _scatter_after(known, white, share)
     return Expectation(
-        mean=known.mean + gain @ off,
-        covariance=covariance,
+        mean=known.mean + white @ gain,
+        covariance=before - gain.T @ gain,
         throws=known.throws + 1,
         scatter=scatter,
         information=information,
@@ -236,39 +257,30 @@ def observe_all(
 def _expected_at(
     model: SoundModel, errors: ThrowErrors, level: float
 ) -> tuple[Floats, Floats, Floats]:
-    r"""Return mean features at a level, what :math:`u`, :math:`\delta` make, and the error."""
+    r"""Return mean features at a level, :math:`B` of them there, and the error."""
     size = len(errors.fixed)
     position = np.clip((level - model.level[0]) / model.spacing, 0.0, len(model.level) - 1.0)
     below = min(int(position), len(model.level) - 2)
     share = position - below
-    response = (1.0 - share) * response_at(model, below, size=size)[:size]
-    response += share * response_at(model, below + 1, size=size)[:size]
+    response = (1.0 - share) * model.switch[below, :size] + share * model.switch[below + 1, :size]
     error = np.zeros((size, size))
     for at, part in ((below, 1.0 - share), (below + 1, share)):
         error += part * error_at(model, errors, at, level=LEVEL_DEVIATION)[:size, :size]
     return _on_curve(model, below, share)[:size], response, error
 
 
-def _scatter_after(
-    known: Expectation, off: Floats, *, covariance: Floats, changing: Floats
-) -> tuple[float, float]:
+def _scatter_after(known: Expectation, white: Floats, share: Floats) -> tuple[float, float]:
     """Return the scatter of a switch and the information on it after a throw.
 
     Parameters
     ----------
     known : Expectation
         Before the throw.
-    off : ndarray, shape (n,)
-        What the throw differs by from what was expected [N].
-    covariance : ndarray, shape (n, n)
-        Of that [N^2].
-    changing : ndarray, shape (n, n)
-        Part of it that the scatter multiplies, where that is 1 [N^2].
+    white : ndarray, shape (n,)
+        What the throw differs by from what was expected, whitened, :math:`w` [-].
+    share : ndarray, shape (n, n)
+        Part of its covariance that the scatter multiplies, whitened, :math:`A` [-].
     """
-    lower = np.linalg.cholesky(covariance)
-    white = solve_triangular(lower, off, lower=True)
-    half = solve_triangular(lower, changing, lower=True)
-    share = solve_triangular(lower, half.T, lower=True)
     information = known.information + 0.5 * float(np.einsum("ij,ij->", share, share))
     score = 0.5 * float(white @ share @ white - np.trace(share))
     return max(1.0, known.scatter + score / information), information

@@ -40,6 +40,7 @@ from turnout.detection.reference import NOMINAL_FRICTION, reference_study
 from turnout.detection.throws import checked_throws, nominal_amplitude, of_kind
 from turnout.panel.load import LoadedPanel
 from turnout.study.study import Study
+from turnout.study.sweep.read import open_batches
 from turnout.study.sweep.run import running
 
 FOLDS = 8
@@ -147,14 +148,10 @@ def _trained(
         count = len(np.unique(plans[HISTORY].switch)) * HISTORY_DRAWS
         for history in HISTORIES:
             pace.plan(thresholds_after(history), count, like=LEARNED)
-    datasets = throw_plans(plans, folder, workers=processes, pace=pace)
-    for name, made in datasets.items():
-        about_it = {"panel": population.panel.name, "of": f'set "{name}"', "source": "detect train"}
-        checked_throws(made, **about_it)
-    sets = {
-        name: read_set(plan, datasets[name], setting.layout, setting.quantity)
-        for name, plan in plans.items()
-    }
+    folders = throw_plans(plans, folder, workers=processes, pace=pace)
+    jobs = [partial(_read_set, name, plan, folders[name], setting) for name, plan in plans.items()]
+    read = dict(processes.run(jobs))
+    sets = {name: read[number] for number, name in enumerate(plans)}
     about = {
         "panel": population.panel.name,
         "panel_hash": population.panel.hash,
@@ -164,6 +161,13 @@ def _trained(
     }
     found = knowledge_of_sets(sets, setting, workers=processes, pace=pace)
     return replace(found, about=about)
+
+
+def _read_set(name: str, plan: Plan, folder: Path, setting: Setting) -> ThrowSet:
+    """Read the throws of a plan, refused where most of them cannot be made."""
+    about = {"panel": plan.study.panel.name, "of": f'set "{name}"', "source": "detect train"}
+    made = checked_throws(open_batches(folder), **about)
+    return read_set(plan, made, setting.layout, setting.quantity)
 
 
 def knowledge_of_sets(

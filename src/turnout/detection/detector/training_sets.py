@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from turnout.core.progress import Pace
 from turnout.core.workers import Workers
@@ -22,7 +21,6 @@ from turnout.detection.throws import of_kind, places_of
 from turnout.law.object_kind import OBJECT_KINDS
 from turnout.study.defects import DEFECTS, Change, Row, later_changes, trained_changes
 from turnout.study.study import Study
-from turnout.study.sweep.read import open_batches
 from turnout.study.sweep.run import throw_studies
 
 TEST_SEED = 500_000
@@ -215,9 +213,9 @@ def throw_plans(
     *,
     workers: int | Workers = 1,
     pace: Pace | None = None,
-) -> dict[str, xr.Dataset]:
-    """Throw what is missing of some sweeps, all in the same processes, and open them."""
+) -> dict[str, Path]:
+    """Throw what is missing of some sweeps, all in the same processes; return their folders."""
     paths = {name: folder / name.replace(", ", "-").replace(" ", "-") for name in plans}
     studies = {paths[name]: plan.study for name, plan in plans.items()}
     throw_studies(studies, workers=workers, pace=pace)
-    return {name: open_batches(path) for name, path in paths.items()}
+    return paths

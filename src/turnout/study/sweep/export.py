@@ -21,6 +21,7 @@ from turnout.study.sweep.batch import SPLITS, StoredVariable
 from turnout.study.sweep.batch_index import BatchIndex, label_arrays, read_index
 from turnout.study.sweep.folder import CARD
 from turnout.study.sweep.row import OUTCOMES, UNUSABLE
+from turnout.study.sweep.stored_study import load_stored_study
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,20 +34,19 @@ MOST_REASONS = 10
 MOST_TEXTS = 16
 
 
-def write_sweep_card(folder: Path, study: Study) -> None:
+def write_sweep_card(folder: Path, digest: str) -> None:
     """Write the data card of a sweep into its folder, from the files stored there.
 
     Parameters
     ----------
     folder : Path
         Of the sweep, with at least one batch.
-    study : Study
-        Study that was thrown.
+    digest : str
+        Of the study that was thrown and is stored there.
     """
-    index = read_index(folder)
-    write_atomic(
-        folder / CARD, card_text(index, label_arrays(index, names=_STANDARD_COLUMNS), study)
-    )
+    index, study = read_index(folder), load_stored_study(folder, digest)
+    labels = label_arrays(index, names=_STANDARD_COLUMNS)
+    write_atomic(folder / CARD, card_text(index, labels, study))
 
 
 def card_text(index: BatchIndex, labels: Labels, study: Study) -> str:

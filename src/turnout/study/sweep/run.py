@@ -167,7 +167,10 @@ def throw_studies(
                 sweep.record(done, durable=workers.local)
                 pace.count(sweep.folder.name, done.count, failed=done.failed, cost=done.wall_time)
         for sweep in sweeps:
-            sweep.finish()
+            clear_leftovers(sweep.folder)
+        cards = [partial(write_sweep_card, sweep.folder, sweep.digest) for sweep in sweeps]
+        for _ in (workers if todo else Workers(0)).run(cards):
+            pass
         results = [sweep.result for sweep in sweeps]
     return dict(zip(studies, results, strict=True))
 
@@ -177,6 +180,8 @@ class Sweep:
 
     Attributes
     ----------
+    digest : str
+        Of the study.
     todo : list of int
         Numbers of the batches that are missing.
     there : int
@@ -190,7 +195,7 @@ class Sweep:
         output_stride(study)
         text, identity = serialize_study(study), study_identity(study)
         check_folder(folder, identity)
-        self._locked, self._digest = ExitStack(), identity.study
+        self._locked, self.digest = ExitStack(), identity.study
         with ExitStack() as stack:
             stack.enter_context(lock_folder(folder))
             claim_folder(folder, identity, text=text)
@@ -217,7 +222,7 @@ class Sweep:
     def job(self, number: int, *, durable: bool) -> Callable[[], BatchDone]:
         """Return the job of a batch, for any process."""
         code = digest_of_sources(THROWS)
-        return partial(make_batch, str(self.folder), self._digest, code, number, durable=durable)
+        return partial(make_batch, str(self.folder), self.digest, code, number, durable=durable)
 
     def record(self, done: BatchDone, *, durable: bool) -> None:
         """Count a batch, and write it to the journal; `durable` waits until it is on the disk."""
@@ -230,11 +235,6 @@ class Sweep:
                 file.write(json.dumps(asdict(done)) + "\n")
         except OSError as error:
             raise FileError(write_fault(journal, error)) from None
-
-    def finish(self) -> None:
-        """Write the data card."""
-        clear_leftovers(self.folder)
-        write_sweep_card(self.folder, self.study)
 
     def close(self) -> None:
         """Unlock the folder."""
