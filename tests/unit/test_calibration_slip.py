@@ -71,6 +71,24 @@ def test_a_level_at_which_a_drive_slips_is_reported() -> None:
     assert spread_of(honest).states[2] == "fitted"
 
 
+def test_movements_that_slip_each_at_a_level_of_its_own_show_it_and_others_keep_theirs() -> None:
+    owns = (0.06, -0.05, 0.03, -0.06, 0.5)
+    rng = np.random.default_rng(12)
+    measured = [movement(f"m{n}", rng=rng) for n in range(len(owns))]
+    for item, own in zip(measured, owns, strict=True):
+        row = item.signals[0].values
+        np.minimum(row, 5600.0 * (1.0 + own), out=row)
+    whole = replace(slipping(5600.0), movements=tuple(measured))
+    whole.comparison = replace(whole.comparison, scatter={"mu": 0.02, KEY: 0.05})
+    whole.effects = {KEY: (0.0, 0.0, 0.0, 0.0, 0.2)}
+    found = fit(whole, whole.parameters, {**TRUE, KEY: 5600.0})
+    assert found.converged
+    levels = [found.values[KEY] * (1.0 + share) for share in found.misfit.effects[KEY]]
+    np.testing.assert_allclose(levels[:4], 5600.0 * (1.0 + np.array(owns[:4])), rtol=2e-3)
+    # The fifth pushes 6300 N, and slips nowhere: it is not carried back to where it would.
+    assert levels[4] > 6300.0
+
+
 def loaded(name: str, size: float, force: float) -> MeasuredMovement:
     item = movement(name, rng=np.random.default_rng(1))
     item.signals[0].values[100] = force

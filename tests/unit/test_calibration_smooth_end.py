@@ -158,19 +158,17 @@ def test_waves_do_not_hold_a_fit_of_ten_values(monkeypatch: pytest.MonkeyPatch) 
 
 def test_values_that_are_hardly_known_together_are_thrown_further_aside() -> None:
     alone = np.array([[1e4, 0.0], [0.0, 1e4]])
-    scattering, plain = PARAMETERS[0], replace(PARAMETERS[0], scatter=0.0)
-    pair = (plain, PARAMETERS[1])
-    np.testing.assert_allclose(reaches_of(pair, alone), np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(reaches_of(PARAMETERS, alone, ()), np.eye(2), atol=1e-12)
     # Their sum is known to 0.0001, their difference to 0.01.
     alike = np.array([[1e4, 1e4], [1e2, -1e2]]) / 2.0**0.5
-    far = reaches_of(pair, alike)
+    far = reaches_of(PARAMETERS, alike, ())
     np.testing.assert_allclose(far @ [1.0, 1.0], [1.0, 1.0], rtol=1e-3)
     np.testing.assert_allclose(far @ [1.0, -1.0], [30.0, -30.0], rtol=1e-3)
-    own = reaches_of((scattering, PARAMETERS[1]), alike)
+    own = reaches_of(PARAMETERS, alike, ("mu",))
     np.testing.assert_allclose(own[:, 0], [3.0, 0.0], atol=1e-12)
     sides = [
         (np.log(point["mu"] / TRUE["mu"]), np.log(point["k"] / TRUE["k"]))
-        for point in points_about(TRUE, pair, far)
+        for point in points_about(TRUE, PARAMETERS, far)
     ]
     shares = np.abs(np.linalg.solve(far, np.array(sides).T / REACH))
     assert shares.min() > 0.5

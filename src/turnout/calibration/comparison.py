@@ -527,6 +527,11 @@ class Alignment:
         columns = np.column_stack([self.clock, self.columns])
         return np.asarray(self.predicted(response) - columns @ np.array(places))
 
+    def shows(self, name: str) -> bool:
+        """Return whether the prediction changes with a parameter that scatters."""
+        names = list(self.effects)
+        return name in names and bool(self.columns[:, 1 + names.index(name)].any())
+
     def effects_from(self, row: Floats) -> dict[str, float]:
         """Return the movement effects from a row of measured less `reduced`."""
         found = self.estimator @ self.noise_whitened(row)

@@ -65,7 +65,10 @@ def update_movement_effects(
     frame = framed(local, misfit)
     for _ in range(passes):
         misfit = about_clock(misfit, frame)
-        found = _clipped(misfit, [alignment.estimates for alignment in frame.alignments])
+        estimates = [
+            {name: mean for name, (mean, _) in item.estimates.items()} for item in frame.alignments
+        ]
+        found = _clipped(misfit, frame, estimates)
         effects = _where_further(misfit, found)
         if effects == misfit.effects:
             break
@@ -82,28 +85,30 @@ def effects_after(
 ) -> dict[str, tuple[float, ...]]:
     """Return the movement effects expected after a step of the common values."""
     slopes = slopes_of(local, frame, names)
-    expected = []
-    for alignment, slope, response in zip(frame.alignments, slopes, local.simulated, strict=True):
-        found = alignment.effects_from(
-            alignment.measured - alignment.reduced(response) - slope @ step
+    expected = [
+        alignment.effects_from(alignment.measured - alignment.reduced(response) - slope @ step)
+        for alignment, slope, response in zip(
+            frame.alignments, slopes, local.simulated, strict=True
         )
-        expected.append({name: (value, 0.0) for name, value in found.items()})
-    return _clipped(misfit, expected)
+    ]
+    return _clipped(misfit, frame, expected)
 
 
 def _clipped(
-    misfit: Misfit, estimates: Sequence[Mapping[str, tuple[float, float]]]
+    misfit: Misfit, frame: Frame, estimates: Sequence[Mapping[str, float]]
 ) -> dict[str, tuple[float, ...]]:
     """Return effects no further than the longest step from those of a misfit.
 
-    A movement that a model cannot follow must not lead to friction below zero.
+    A movement that a model cannot follow must not lead to friction below zero. One that says
+    nothing of an effect, as one in which a drive does not slip, keeps it: carried back to the
+    common value it might slip there, and would be carried to and fro.
     """
     effects = {}
     for name in misfit.comparison.scatter:
         shares = []
-        for number, found in enumerate(estimates):
+        for number, (found, alignment) in enumerate(zip(estimates, frame.alignments, strict=True)):
             before = misfit.effect(name, number)
-            after = found[name][0] if name in found else 0.0
+            after = found[name] if alignment.shows(name) else before
             near = float(np.clip(after, before - LONGEST_EFFECT_STEP, before + LONGEST_EFFECT_STEP))
             shares.append(float(np.clip(near, -FURTHEST_EFFECT, FURTHEST_EFFECT)))
         effects[name] = tuple(shares)
@@ -322,7 +327,7 @@ def smooth_end(found: Fit, first: Misfit) -> Fit:
     thrown = dict[int, Thrown]()
     for number in range(1, SMOOTH_PASSES + 1):
         try:
-            wide = reaches_of(found.parameters, J)
+            wide = reaches_of(found.parameters, J, misfit.comparison.scatter)
             local = misfit.smoothed(values, names, thrown, wide, known)
         except SolverError as error:
             message = f"stopped before planes through throws on all sides of its values: {error}"

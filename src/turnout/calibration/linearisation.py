@@ -1,6 +1,6 @@
 """Simulations about a point: there, and one step aside for each parameter."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -187,14 +187,15 @@ def apart_in_reaches(
     )
 
 
-def reaches_of(parameters: Sequence[Parameter], J: Floats) -> Floats:
+def reaches_of(parameters: Sequence[Parameter], J: Floats, scattering: Container[str]) -> Floats:
     r"""Return how far to all sides values are thrown for a plane, shape (p, p), in reaches.
 
     .. math:: R = V \max(1, \min(3 s, 60)) V^T, \quad V (\rho s)^2 V^T = (J^T J + P)^{-1}
 
     Over less, a slope in a direction that is hardly known would be that of what is rough, which
     looks like information; over more, responses are no planes. The reach :math:`\rho` is `REACH`. A
-    parameter that scatters goes `FINE_DIFFERENCE`: each movement shows its own well.
+    parameter that scatters goes `FINE_DIFFERENCE`: each movement shows its own well, however little
+    is known of their mean.
 
     Parameters
     ----------
@@ -202,9 +203,11 @@ def reaches_of(parameters: Sequence[Parameter], J: Floats) -> Floats:
         The p that differ.
     J : ndarray, shape (n, p)
         Of whitened residuals with each coordinate.
+    scattering : container of str
+        Names of the parameters of which each movement has a value of its own.
     """
     covariance = np.linalg.inv(J.T @ J + np.diag(prior_information(parameters)))
-    alike = np.array([item.scatter == 0.0 for item in parameters])
+    alike = np.array([item.name not in scattering for item in parameters])
     shared = np.where(np.outer(alike, alike), covariance, 0.0)
     squares, V = np.linalg.eigh(shared / REACH**2)
     far = np.clip(WIDE * np.sqrt(np.maximum(squares, 0.0)), 1.0, WIDEST)

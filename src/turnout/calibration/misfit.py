@@ -461,7 +461,9 @@ class Misfit:
         """Return whether a parameter can change the response to a movement."""
         if is_of_object(p):
             return acts_on(p, self.movements[number])
-        return p.name in self.always or touches(p, whole[p.name], here)
+        return p.name in self.always or touches(
+            p, whole[p.name] * (1.0 + self.effect(p.name, number)), here
+        )
 
     def _shaped(self, number: int, response: Response, values: Mapping[str, float]) -> Response:
         """Return a response as it is compared; SolverError where it failed."""
