@@ -37,6 +37,22 @@ def test_missing_samples_become_nan(lost: list[int]) -> None:
     assert problem.startswith(f"{len(lost)} sample")
 
 
+@pytest.mark.parametrize("count", [5, 6, 8, 10, 11, 15])
+def test_missing_samples_of_a_short_channel(count: int) -> None:
+    lost = count // 2
+    time = np.delete(np.round(np.arange(count) * 0.04, 2), lost)
+    channel, problem = on_grid(time_grid(time), channel_of(time.copy()))
+    assert channel.rate == pytest.approx(25.0)
+    assert np.flatnonzero(np.isnan(channel.values)).tolist() == [lost]
+    assert problem == f"1 sample is missing at {lost * 0.04:.6g} s"
+
+
+def test_rounded_times_have_the_step_of_a_whole_rate() -> None:
+    time = np.array([0.0, 1.0, 3.0, 4.0, 6.0, 7.0, 9.0, 10.0]) / 1e3  # 2 in 3 ms
+    assert time_grid(time).step == pytest.approx(1.0 / 700, rel=2e-3)
+    assert time_grid(np.round(np.arange(60) / 30, 2)).step == pytest.approx(1.0 / 30)
+
+
 @pytest.mark.parametrize(
     ("time", "words"),
     [
@@ -45,6 +61,9 @@ def test_missing_samples_become_nan(lost: list[int]) -> None:
         ([0.0, 0.2, 0.1], "goes from 0.2 to 0.1 s"),
         ([0.0, 0.0, 0.0], "2 of its 3 times repeat"),
         ([0.0, 1e-320, 2e-320], "no sample rate"),
+        ([0.0, 0.04, 0.12], "it jumps from 0.04 to 0.12 s"),
+        ([0.0, 0.04, 0.16], "it jumps from 0.04 to 0.16 s"),
+        ([0.0, 0.001, 0.002, 0.004, 0.005], "samples may be missing or times are rounded"),
         ([0.0, 0.1, 0.2, 90.0], "jumps from 0.2 to 90 s"),
         ([0.0, 0.1, 0.11, 0.12, 0.22, 0.32, 0.42, 0.52, 0.62], "less than a step"),
     ],

@@ -150,16 +150,17 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     step = float((time[-1] - start) / (time.size - 1))
     away = float(np.max(np.abs(time - start - number * step))) / step
     # In all but the shortest channels a missing sample puts some time half a step off.
-    if away <= 0.45:
-        return TimeGrid(start, step, number)
+    if away <= 0.45 and _is_whole(time, steps, away * step):
+        return TimeGrid(start, _whole_step(time, step, away * step), number)
     repeated = int(np.count_nonzero(steps == 0))
     if repeated and away <= 2.0:
         remark = f"{repeated} of its times repeat; whether samples are missing there is not known"
         return TimeGrid(start, step, number, remark)
-    typical = float(np.median(steps))
+    typical = _typical(steps)
     regular = steps[np.abs(steps - typical) <= 0.5 * typical]
     step = float(np.mean(regular)) if regular.size else 0.0
-    if step <= 0 or (time[-1] - start) / step > MOST_GROWTH * time.size:
+    few = 2 * int(np.count_nonzero(steps < 1.5 * step)) <= steps.size
+    if step <= 0 or few or (time[-1] - start) / step > MOST_GROWTH * time.size:
         at = int(np.argmax(steps))
         message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
         raise ValueError(message)
@@ -181,6 +182,52 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
         )
         raise ValueError(message)
     return TimeGrid(start, step, index)
+
+
+def _is_whole(time: NDArray[np.float64], steps: NDArray[np.float64], off: float) -> bool:
+    """Return True if times near an even grid, `off` [s] from it, lack no sample.
+
+    Raises
+    ------
+    ValueError
+        When a sample may be missing, or the times be rounded.
+    """
+    ratio = steps / max(_typical(steps), 1e-300)
+    holes = int(np.count_nonzero(ratio > 1.5))
+    if not holes or ratio.min() < 0.5 or np.max(np.abs(ratio - np.rint(ratio))) > 0.1:
+        return True
+    rounded = off <= 1.001 * _last_digit(time)
+    if not rounded and 2 * holes < steps.size:
+        return False
+    # Rounding repeats its pattern.
+    if rounded and holes > 2:
+        return True
+    at = int(np.argmax(ratio))
+    message = (
+        f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s, where samples "
+        "may be missing or times are rounded; export times with more digits"
+    )
+    raise ValueError(message)
+
+
+def _last_digit(time: NDArray[np.float64]) -> float:
+    """Return the unit of the last decimal digit of times [s]; 0 where they are not rounded."""
+    digits = (10.0**-place for place in range(10))
+    return next((q for q in digits if np.allclose(time / q, np.rint(time / q), 0, 1e-4)), 0.0)
+
+
+def _whole_step(time: NDArray[np.float64], step: float, off: float) -> float:
+    """Return the step [s] of a whole rate if rounded times, `off` [s] from even, may have it."""
+    digit = _last_digit(time)
+    whole = 1.0 / max(round(1.0 / step), 1)
+    if off <= 0.1 * digit or np.ptp(time - np.arange(time.size) * whole) > 1.001 * digit:
+        return step
+    return whole
+
+
+def _typical(steps: NDArray[np.float64]) -> float:
+    """Return the median; of two in the middle the lower."""
+    return float(np.sort(steps)[(steps.size - 1) // 2])
 
 
 def on_grid(grid: TimeGrid, channel: RecordedChannel) -> tuple[RecordedChannel, str]:
@@ -245,9 +292,11 @@ def _check_rising(time: NDArray[np.float64]) -> None:
         raise ValueError(message)
     repeated = np.flatnonzero(steps == 0)
     if repeated.size > MOST_REPEATED * time.size:
+        coarse = 10 * repeated.size > time.size
+        kind = "coarser than the samples, they tell no rate" if coarse else "rows may stand twice"
         message = (
             f"{repeated.size} of its {time.size} times repeat, the first is "
-            f"{time[repeated[0]]:.6g} s: coarser than the samples, they tell no rate; "
+            f"{time[repeated[0]]:.6g} s: {kind}; "
             "state the sample rate, or export times with more digits"
         )
         raise ValueError(message)
