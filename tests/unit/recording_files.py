@@ -10,6 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.io import netcdf_file, savemat
 from tests.unit.recording_kinds import BOTH, COUNT, CURRENT, FORCE, STEP, Read
 
@@ -40,6 +41,9 @@ def records(**more: Any) -> list[dict[str, Any]]:
 JSON: list[File] = [
     ("JSON rows", ".json", as_json(records(**{"time [s]": TIME.tolist()})), BOTH),
     ("JSON lists", ".json", as_json({"sample_rate": 25, **LISTS}), BOTH),
+    ("JSON, a list of objects a channel", ".json", as_json({
+        name: [{"ts": 40 * n, "value": v} for n, v in enumerate(values)]
+        for name, values in LISTS.items()}), ("holds no table, or more than one",)),
     ("JSON rate as text", ".json", as_json({"meta": {"fs": "25 Hz"}, "data": LISTS}), BOTH),
     ("JSON, a shaft's rate", ".json", as_json({"shaft": {"rate": 7}, **LISTS}), ("neither times",)),
     ("JSON split", ".json",
@@ -311,11 +315,32 @@ def netcdf3(
     return write
 
 
+def dimensions(engine: Any, *, over: str = "time2") -> Write:
+    """Write a force over the time and a current over another dimension of the same length."""
+
+    def write(path: Path) -> None:
+        held = {"Force": ("time", FORCE), "Current": (over, CURRENT)}
+        places = {"time": TIME, "time2": TIME * 2 + 0.5, "freq": TIME}
+        units = {"time": "s", "time2": "s", "freq": "Hz"}
+        coordinates = {
+            name: (name, places[name], {"units": units[name]})
+            for name in ("time", over)
+            if name in places
+        }
+        xr.Dataset(held, coordinates).to_netcdf(path, engine=engine)
+
+    return write
+
+
 def mat(content: dict[str, Any], **options: Any) -> Write:
     return lambda path: savemat(path, content, **options)
 
 
 NAMED: list[File] = [
+    *((f"netCDF by {engine}, two dimensions", ".nc", dimensions(engine),
+       {"Force": (25.0, 0.0), "Current": (12.5, 0.5)}) for engine in ("h5netcdf", "scipy")),
+    *((f"netCDF by {engine}, over {over}", ".nc", dimensions(engine, over=over),
+       {"Force": (25.0, 0.0)}) for engine in ("h5netcdf", "scipy") for over in ("freq", "sample")),
     ("HDF5, sr of the file", ".h5", hdf5(file={"sr": 25.0}), SWAPPED),
     ("HDF5, rate as text", ".h5", hdf5(each={"SampleRate": "25 Hz"}), SWAPPED),
     ("HDF5, rate of a group", ".h5", hdf5(file={"fs": 25.0}, group="throw"),
@@ -494,6 +519,9 @@ OPTIONAL: list[File] = [
     ("TDMS over a frequency", ".tdms",
      tdms(first={**WAVE, "wf_xname": "Frequency", "wf_xunit_string": "Hz"}),
      ("it is over Frequency, not over time",)),
+    ("TDMS, increment in ms", ".tdms",
+     tdms(first={"wf_increment": 40.0, "wf_start_offset": 500.0, "wf_xunit_string": "ms"}),
+     dict.fromkeys(BOTH, (25.0, 0.5))),
     ("TDMS, falling", ".tdms", tdms(first={"wf_increment": -STEP}),
      ("'wf_increment: -0.04' is no rate",)),
     ("TDMS, rate of the group", ".tdms", tdms(group={"SampleRate": "25 Hz"}), BOTH),

@@ -7,7 +7,7 @@ visited once, and counted by `Declared` before it is read.
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from turnout.measurement.formats.time_axis import is_stamp, stamps_axis
 from turnout.measurement.recording import Recording
 
 LARGEST_DEPTH = 50
+_NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 
 class Content:
@@ -174,6 +175,7 @@ def read_netcdf3(path: Path) -> Recording:
             for name, item in file.variables.items():
                 own = {str(key).lower(): value for key, value in item.attrs.items()}
                 found.take(str(name), item.to_numpy(), own)
+                found.scale(str(name), item.shape, item.dims)
     if (rate := stated_clock(attributes).rate()) is not None:
         found.arrays.setdefault("sample_rate", np.array(rate[0]))
     return found.recording(attributes)
@@ -186,6 +188,7 @@ class _Found:
         self.source = source
         self.arrays: dict[str, NDArray[Any]] = {}
         self.units: dict[str, str] = {}
+        self.scales: dict[str, str] = {}
         self.texts: dict[str, list[str]] = {}
         self.columns: list[FileColumn] = []
         self.problems: list[str] = []
@@ -193,7 +196,9 @@ class _Found:
     def recording(self, attributes: dict[str, Any]) -> Recording:
         """Return the recording of all that was taken from a file with these attributes."""
         with refused_of(self.source):
-            columns, problems = columns_of_arrays(self.arrays, self.texts, self.units)
+            columns, problems = columns_of_arrays(
+                self.arrays, self.texts, self.units, scales=self.scales
+            )
         return assemble_recording(
             [*self.columns, *columns],
             source=self.source,
@@ -204,7 +209,12 @@ class _Found:
 
     def take_dataset(self, name: str, item: h5py.Dataset, content: Content) -> None:
         """Take a dataset of HDF5 as a table, a list of texts, a number or a channel."""
+        if _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
+            return
         last = name.rsplit("/", 1)[-1]
+        names = [[scale.name.lstrip("/") for scale in along.values()] for along in item.dims]
+        own = name if h5py.h5ds.is_scale(item.id) else ""
+        self.scale(name, item.shape or (), [(found or [own])[0] for found in names])
         wanted = last.lower() in (*NAME_LISTS, "units") or item.size == 1 or is_time_name(last)
         if item.dtype.kind in "OS" and wanted:
             self.texts[name] = [_text(value) for value in np.ravel(content.read(item))]
@@ -212,6 +222,12 @@ class _Found:
             self._take_table(name, content.read(item), _attributes(item))
         if item.dtype.kind in "biuf" and item.ndim <= 2:
             self.take(name, content.read(item) if item.size else np.zeros(0), _attributes(item))
+
+    def scale(self, name: str, shape: Sequence[int], dims: Sequence[Hashable]) -> None:
+        """Keep the name of the dimension along which an array is longest, where it has one."""
+        longest = max(range(len(shape)), key=lambda axis: shape[axis], default=None)
+        if longest is not None and (along := str(dims[longest])):
+            self.scales[name] = along
 
     def take(self, name: str, held: Any, attributes: dict[str, Any]) -> None:
         """Take an array with its attributes as a number or a channel; texts are left out."""

@@ -92,7 +92,7 @@ def _no_table(held: Any) -> str:
     """Return why an object holds no table."""
     lists = held.items() if isinstance(held, Mapping) else ()
     sizes = [f"{key} {len(value)}" for key, value in lists if isinstance(value, list)]
-    if len(sizes) > 1:
+    if len(sizes) > 1 and len({size.split()[-1] for size in sizes}) > 1:
         return f"its lists have different lengths ({', '.join(sizes[:4])}); export them alike"
     return "holds no table, or more than one; export one list of rows or of channels"
 

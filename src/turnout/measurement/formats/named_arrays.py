@@ -37,6 +37,7 @@ def columns_of_arrays(
     texts: Mapping[str, Sequence[str]],
     units: Mapping[str, str] | None = None,
     labels: Mapping[str, str] | None = None,
+    scales: Mapping[str, str] | None = None,
 ) -> tuple[list[FileColumn], list[str]]:
     """Find the channels among named arrays.
 
@@ -54,6 +55,8 @@ def columns_of_arrays(
         Unit by name of the array, where the file states it.
     labels : mapping of str to str, optional
         Name of the channel by name of the array, where the file states another one.
+    scales : mapping of str to str, optional
+        Dimension along which an array lies, by its name; times of another one are not its times.
 
     Returns
     -------
@@ -68,13 +71,19 @@ def columns_of_arrays(
     >>> columns[0].name, columns[0].time
     ('rod', array([0.   , 0.001, 0.002]))
     """
-    units, labels, problems = units or {}, labels or {}, list[str]()
+    units, labels, scales, problems = units or {}, labels or {}, scales or {}, list[str]()
     flat = {name: _vector(array) for name, array in arrays.items()}
     numbers = {k: v for k, v in flat.items() if v is not None and v.dtype.kind in "biuf"}
     single = {name: vector[0] for name, vector in numbers.items() if vector.size == 1}
     stated = _stated_clocks(single | {k: v[0] for k, v in texts.items() if len(v) == 1})
     times: dict[str, TimeAxis] = {}
-    named = {name for name, a in arrays.items() if _is_time(name) or a.dtype.kind in "mM"}
+    named = {
+        name
+        for name, a in arrays.items()
+        if _is_time(name)
+        or a.dtype.kind in "mM"
+        or (scales.get(name) == name and is_time_unit(units.get(name, "").partition(" since ")[0]))
+    }
     for name, vector in flat.items():
         if vector is None or name not in named:
             continue
@@ -99,15 +108,16 @@ def columns_of_arrays(
             times[name] = stamps_axis(items)
     columns: list[FileColumn] = []
     for name, array in arrays.items():
-        vector, clock = flat[name], _clock_of(name, stated)
+        vector, clock, over = flat[name], _clock_of(name, stated), scales.get(name)
+        along = {key: axis for key, axis in times.items() if over in (scales.get(key, over), None)}
         if name in named or (vector is not None and vector.size == 1):
             continue
         if vector is not None:
-            shown, axis = labels.get(name) or _named(name), _time_of(name, vector.size, times)
+            shown, axis = labels.get(name) or _named(name), _time_of(name, vector.size, along)
             _, unit = named_unit(_last(name), units.get(name, ""))
             columns.append(_timed(shown, vector, unit, axis, clock))
         elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
-            columns += _of_matrix(name, array, texts, times, clock, labels.get(name) or name)
+            columns += _of_matrix(name, array, texts, along, clock, labels.get(name) or name)
         else:
             problems.append(f"array '{name}' has the shape {array.shape} and is no channel")
     return columns, problems

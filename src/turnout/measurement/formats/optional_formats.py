@@ -211,8 +211,12 @@ _TDMS_TEXTS = ("wf_start_time", "description", "unit_string", "NI_ChannelName")
 
 
 def _tdms_clock(properties: dict[str, Any], *, own: bool = False) -> StatedClock:
-    """Return the clock in properties; an increment of 0 is none."""
+    """Return the clock in properties, in the unit that they state; an increment of 0 is none."""
     kept = {k: v for k, v in properties.items() if k != "wf_increment" or v}
+    unit = str(kept.get("wf_xunit_string", "")).strip()
+    for key in ("wf_increment", "wf_start_offset") if is_time_unit(unit) else ():
+        if key in kept:
+            kept[key] = f"{kept[key]} {unit}"
     return stated_clock(kept, own=own)
 
 
