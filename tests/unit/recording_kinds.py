@@ -108,6 +108,16 @@ RATES: list[Kind] = [
         "Fréquence d'échantillonnage : 25 Hz",
         "Points per second: 25",
         "Sample Interval,0.04,CH1:0.04",
+        "Storage interval: 40 ms",
+        "Datenrate: 25 Hz",
+        "ODR: 25 Hz",
+        "Échantillonnage : 25 Hz",
+        "Częstotliwość próbkowania: 25 Hz",
+        "Taxa de amostragem: 25 Hz",
+        "Vzorkovací frekvence: 25 Hz",
+        "Bemonsteringsfrequentie: 25 Hz",
+        "采样率: 25Hz",
+        "采样间隔: 40ms",
     )
 ] + [
     ("rate: thousands", stated("Sample rate: 1,000 Hz"), dict.fromkeys(BOTH, (1000.0, 0.0))),
@@ -218,6 +228,11 @@ TIMES: list[Kind] = [
             ("Time offset [ms]", milliseconds),
             ("Time", lambda n: f"{n * 40} ms"),
             ("Time", lambda n: f"0 days 00:00:{n * STEP:09.6f}"),
+            ("Time{ms}", milliseconds),
+            ("Time <ms>", milliseconds),
+            ("TIME_MSEC", milliseconds),
+            ("Zeit in Millisekunden", milliseconds),
+            ("[s]", seconds),
             ("Time [hh:mm:ss.ms]", lambda n: f"08:14:{n * STEP:06.3f}"),
         )
     ),
@@ -252,6 +267,22 @@ TIMES: list[Kind] = [
     ("time: headless", rows(time=seconds), {"column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),
     ("time: no time unit", "Time (kg),Force\n0,1\n1,2\n", ("no unit of time",)),
     ("time: repeats", HEAD + rows(time=lambda n: f"{n // 5 * 0.2:.1f}"), ("times repeat",)),
+    ("time: only the first unit in a row of its own",
+     "Time;Force;Current\nms;;\n" + rows(";", time=milliseconds), BOTH),
+    ("time: in a column without a name",
+     ",Force [kN],Current [A]\n" + rows(time=moment("%Y-%m-%d %H:%M:%S.%f")), BOTH),
+    ("time: behind an empty column", ";;;\n;Time (s);Force [kN];Current [A]\n" + "".join(
+        f";{line}\n" for line in rows(";", time=seconds).splitlines()), BOTH),
+    ("time: whole seconds beside it", "Date;t (s);Force [kN];Current [A]\n" + rows(
+        ";", time=lambda n: f"{moment('%d.%m.%Y %H:%M:%S')(n)};{seconds(n)}"), BOTH),
+    ("time: a column repeats the rate", "throw_id,sample_rate_hz,sample_index,Force,Current\n"
+     + rows(time=lambda n: f"418,25,{n}"), BOTH),
+    ("time: newest first", HEAD + "".join(reversed(rows(time=seconds).splitlines(True))),
+     ("time must rise",)),
+    ("time: a row twice", HEAD + rows(time=seconds) + rows(time=seconds).splitlines()[-1] + "\n",
+     ("1 of its 41 times repeat", "rows may stand twice")),
+    ("time: rounded from a whole rate", HEAD + rows(time=lambda n: f"{int(n / 0.029) / 1e3:.3f}"),
+     dict.fromkeys(BOTH, (29.0, 0.0))),
     ("time: falls", HEAD + rows(time=lambda n: f"{5 + (n if n != 9 else 7) * STEP:.2f}"),
      ("time must rise",)),
     ("time: tiny", HEAD + rows(time=lambda n: f"{n}e-320"), ("no sample rate",)),
@@ -436,6 +467,24 @@ NUMBERS: list[Kind] = [
     ("numbers: factors above them, without a first",
      f"Sample rate: 25 Hz\nForce;Current\n;0,5\n{rows(';', number=german)}",
      ("line 3", "'0,5'", "with an empty cell")),
+    ("numbers: factors above them, of which one is empty",
+     "Sample rate: 25 Hz\nForce;Position;Current\n10;;5000\n"
+     + "".join(f"{f};{n};{c}\n" for n, (f, c) in enumerate(zip(FORCE, CURRENT, strict=True))),
+     ("line 3", "'10'", "with an empty cell")),
+    ("numbers: numbers of columns above them", "Sample rate: 25 Hz\n1;2\n" + rows(";"),
+     {"1": (25.0, 0.0), "2": (25.0, 0.0)}),
+    ("numbers: two whole ones or one decimal", "Sample rate: 25 Hz\n" + "".join(
+        f"{round(1e3 * f)},{640 + n}\n" for n, f in enumerate(FORCE)),
+     ("the comma may part its columns or its decimals",)),
+    ("numbers: decimals of one column", "Sample rate: 25 Hz\n" + "".join(
+        f"{german(f)}\n" for f in FORCE), {"column 1": (25.0, 0.0)}),
+    ("numbers: a column without a name that alternates", "Sample rate: 25 Hz\n" + rows(
+        ";", time=lambda n: f"0{n % 2}"),
+     {"column 1": (25.0, 0.0), "column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),
+    ("numbers: marks of gaps", HEAD + rows(time=seconds).replace("3.872", "////")
+     .replace("3.546", "k.A."), BOTH),
+    ("numbers: other marks of gaps", HEAD + rows(time=seconds).replace("3.872", "I/O Timeout")
+     .replace("3.546", "±∞"), BOTH),
     ("numbers: a rate above them behind an empty cell",
      f";Sample rate;25 Hz\nIndex;Force;Current\n{rows(';', time=str)}", BOTH),
     ("numbers: a heading of pandas", ",0,1\n" + "".join(
@@ -513,6 +562,28 @@ LOGGERS: list[Kind] = [
     ("Rigol",
      f"X,Force,Current,Start,Increment,\nSequence,Volt,Volt,0.0,{STEP},\n"
      + rows(time=str, end=",,,"), BOTH),
+    ("Rigol, two columns empty",
+     f"X,Force,D7-D0,D15-D8,Current,Start,Increment,\nSequence,Volt,,,Volt,-0.1,{STEP}\n"
+     + "".join(f"{n},{FORCE[n]},0x00,0x00,{CURRENT[n]},\n" for n in range(COUNT)),
+     dict.fromkeys(BOTH, (25.0, -0.1))),
+    ("Rigol, times in the row of names",
+     f"Force,Current,t0 =-1.000000e-01, tInc = {STEP:.6e},\n" + rows(end=",,"),
+     dict.fromkeys(BOTH, (25.0, -0.1))),
+    ("Infiniium", f"Revision:,0\nPoints:,40\nXInc:,{STEP}\nXOrg:,-0.1\nY Units:,Volt\nData:,\n"
+     + "".join(f"{value:.5e}\n" for value in FORCE), {"column 1": (25.0, -0.1)}),
+    ("Infiniium, with times",
+     f"Revision:,0\nXInc:,{STEP}\nXOrg:,-0.1\nY Units:,Volt\nData:,\n" + "".join(
+         f"{n * STEP - 0.1:.5e}, {value:.5e}\n" for n, value in enumerate(FORCE)),
+     {"column 2": (25.0, -0.1)}),
+    ("Tektronix, units as names", "s,Volts1,Volts2\n" + rows(time=lambda n: f"{n * STEP:.3e}"),
+     {"Volts1": (25.0, 0.0), "Volts2": (25.0, 0.0)}),
+    ("TwinCAT", "Name\tForce\tName\tCurrent\nData-Type\tREAL64\tData-Type\tREAL64\n"
+     "SampleTime[ms]\t40\tSampleTime[ms]\t40\nVariableSize\t8\tVariableSize\t8\n\n" + "".join(
+         f"{n * 40}\t{FORCE[n]}\t{n * 40}\t{CURRENT[n]}\n" for n in range(COUNT)), BOTH),
+    ("Siglent, two channels",
+     "Record Length,Analog:40\nSample Rate,25.0\nVertical Scale,CH1: 0.05 CH2: 1.0\n"
+     "Horizontal Scale, 0.2000000\nSecond,Volt,Volt\n" + rows(time=seconds),
+     {"Volt": (25.0, 0.0), "Volt (2)": (25.0, 0.0)}),
     ("Keysight", "x-axis,1,2\nsecond,Volt,Volt\n" + rows(time=lambda n: f"{n * STEP:+.5E}"),
      {"1": (25.0, 0.0), "2": (25.0, 0.0)}),
     ("Tektronix",
@@ -602,6 +673,11 @@ THROWS: list[Kind] = [
      "throw,Time (s),Force,Current\n" + "".join(
          rows(time=lambda n, k=k: f"{k},{seconds(n)}", count=20) for k in (1, 2)),
      ("2 throws in one table (column 'throw')",)),
+    ("throws: long numbers",
+     "throw,Time (s),Force,Current\n" + "".join(
+         rows(time=lambda n, k=k: f"{10_000_001 + k},{(n + 20 * k) * STEP:.2f}", count=20)
+         for k in (0, 1)),
+     ("2 throws in one table (column 'throw'): '10000001', '10000002'",)),
     ("throws: time starts again", HEAD + rows(time=seconds, count=20) * 2,
      ("2 throws in one table ('Time' starts again)",)),
     ("throws: index starts again",

@@ -33,7 +33,7 @@ UNIT_WORDS = {
     **dict.fromkeys(("newton", "newtons"), "N"),
     "n m": "Nm",
     **dict.fromkeys(("second", "seconds", "sec", "sekunden"), "s"),
-    **dict.fromkeys(("millisecond", "milliseconds", "msec"), "ms"),
+    **dict.fromkeys(("millisecond", "milliseconds", "millisekunden", "msec"), "ms"),
     **dict.fromkeys(("celsius", "deg c", "°c", "gradc"), "°C"),
     **dict.fromkeys(("none", "unknown", "n/a", "dimensionless"), ""),
 }
@@ -54,7 +54,7 @@ _QUANTITY_OF = {
     "W": re.compile(r".*(?:power|leistung|effekt).*", re.IGNORECASE),
 }
 _NO_UNIT_BEHIND = frozenset(("-", "1", "%", "min", "deg", "rad"))
-_NAME_AND_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*\Z", re.DOTALL)
+_NAME_AND_UNIT = re.compile(r"(.*?)\s*(?:\[([^\[\]]*)\]|[({<]([^(){}<>]*)[)}>])\s*\Z", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +110,7 @@ def split_unit(text: str) -> tuple[str, str]:
     """
     text = text.strip()
     match = _NAME_AND_UNIT.fullmatch(text)
-    if match is not None and match[1]:
+    if match is not None and (match[1] or is_time_unit(tidy_unit(text))):
         name, square, unit = match[1], match[2], (match[2] or match[3] or "").strip()
         element = square and square.isdigit() and text.endswith(f"{name}[{square}]")  # "Y[0]"
         stated = square is not None or not unit or is_unit(unit)

@@ -218,7 +218,7 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     curves = bool(table.curves) and rows > 1
     numbers, texts = _cells_named(table, is_throw_name)
     for place, cells in {**numbers, **texts}.items():
-        labels = [cell if isinstance(cell, str) else f"{cell:g}" for cell in cells]
+        labels = [cell if isinstance(cell, str) else f"{cell:.15g}" for cell in cells]
         starts = _changes(labels)
         names = [labels[i] for i in starts]
         if len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(cells)):
@@ -235,7 +235,8 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     times = {place: axis.seconds for place, axis in table.axes.items()}
     for place, values in [*times.items(), *indices.items()]:
         again = restarts(values) if values.size > 2 else np.zeros(0, np.intp)
-        if not again.size or (place in indices and not counts_throws(values)):
+        few = (again.size + 1) * LEAST_CURVE > values.size
+        if not again.size or few or (place in indices and not counts_throws(values)):
             continue
         if _signal_column(table) is not None:
             break
@@ -309,6 +310,7 @@ def _channel_columns(table: Table) -> list[FileColumn]:
     """Return the channels of one throw with their times."""
     columns = _long_columns(table)
     if not columns:
+        _read_constants(table)
         columns = _curve_columns(table) if table.curves else _wide_columns(table)
     for place, texts in sorted(table.texts.items()):
         dates = all(is_date(text) for text in texts if text.strip())
@@ -325,13 +327,24 @@ def _channel_columns(table: Table) -> list[FileColumn]:
     return columns
 
 
-def _curve_columns(table: Table) -> list[FileColumn]:
-    """Return the curves in cells; a cell beside them may state their rate, interval or start."""
+def _read_constants(table: Table) -> None:
+    """Take the rate, interval or start that a column repeats, unless there are times."""
     stated = replace(table.stated, rates=[*table.stated.rates], weak=[*table.stated.weak])
-    for place, values in table.values.items():
-        if is_constant(values):
-            column = table.columns[place]
-            stated.read(column.name, [float(values[0])], unit=column.unit)
+    for place, values in [] if table.axes and not table.curves else [*table.values.items()]:
+        column = table.columns[place]
+        strong = len(stated.rates)
+        known = is_constant(values) and (table.curves or values.size > 1)
+        if known and stated.read(column.name, [float(values[0])], unit=column.unit):
+            if not table.curves and len(stated.rates) == strong:
+                stated.leave_weak()
+            else:
+                del table.values[place]
+    table.stated = stated
+
+
+def _curve_columns(table: Table) -> list[FileColumn]:
+    """Return the curves in cells."""
+    stated = table.stated
     times = [p for p in table.curves if is_time_name(table.columns[p].name)]
     axes = list(table.axes.values())
     if times:
@@ -402,6 +415,8 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         column, values = table.columns[place], table.values[place]
         left = [p for p in axes if p < place] or list(axes)[:1]
         axis = axes[left[-1]] if left else None
+        if left and axis is None and rate is None:
+            axis = axes.get(left[-1] - 1) or axes.get(left[-1] + 1)
         several = len(axes) > 1 or (rate is not None and len(set(rate)) > 1)
         if several:
             values = values[: count_filled(values)]
@@ -461,10 +476,12 @@ def _usable(
             table.problems.append(f"check the time: '{name}' is in whole seconds")
         grid = time_grid(axis.seconds)
     except ValueError as error:
-        if rate is None:
+        another = [p for p in (place - 1, place + 1) if _is_even(table.axes.get(p), axis)]
+        if rate is None and not another:
             message = f"column '{name}': {error}"
             raise ValueError(message) from None
-        table.problems.append(f"column '{name}' is not used, the stated rate is: {error}")
+        used = f"'{label_of(table, another[0])}'" if rate is None else "the stated rate"
+        table.problems.append(f"column '{name}' is not used, {used} is: {error}")
         return None
     column = table.columns[place]
     numeric = column.cells.dtype.kind in "iuf" and axis.begin is None
@@ -474,6 +491,16 @@ def _usable(
         table.problems.append(f"check the time: '{name}' states no unit and is taken as seconds")
     remark = rate_remark(axis.seconds, rate[0]) if rate else ""
     return replace(axis, remark=remark or axis.remark)
+
+
+def _is_even(axis: TimeAxis | None, other: TimeAxis) -> bool:
+    """Return True if an axis gives each sample of another one a time."""
+    if axis is None or axis.seconds.size != other.seconds.size:
+        return False
+    try:
+        return bool(time_grid(axis.seconds).step)
+    except ValueError:
+        return False
 
 
 def _in_whole_seconds(seconds: Floats) -> bool:

@@ -39,14 +39,15 @@ HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in word
 _SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
 _SOURCES = (
     "sample|sampling|samp|scan|acquisition|acq|logging|log|logger|recording|record|recorded|"
-    "measuring|measurement|mess|abtast|data|daq|adc|digitizer|wf|wave|nominal|effective"
+    "storage|measuring|measurement|mess|abtast|data|daten|daq|adc|digitizer|wf|wave|nominal|effective"
 )
 _RATE = re.compile(
     rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|srate|"
     r"(?:sample|sampling|scan|acquisition|acq)s?clock(?:rate|frequency|freq)?|"
     r"fsamp(?:le|ling)?|(?:samples|points|scans)(?:per|/)s(?:ec(?:ond)?)?|frequencyofsampling|"
-    r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo|"
-    r"frequenzadicampionamento)"
+    r"samplingsfrekvens|samplingshastighet|frequencedechantillonnage|frecuenciademuestreo|odr|"
+    r"frequenzadicampionamento|(?:taxa|frequencia)deamostragem|czestotliwoscprobkowania|"
+    r"vzorkovacifrekvence|bemonsteringsfrequentie|采样率|采样频率)"
     rf"{_SUFFIX}"
 )
 _STEP = re.compile(
@@ -54,16 +55,20 @@ _STEP = re.compile(
     r"(?:interval|period|increment|incr|inc|step|resolution|spacing)|interval|increment|"
     r"intervall|dt|delta[tx]|δt|ts|tsamp(?:le)?|sample?time|samplingtime|timeper(?:sample|point)|"
     r"abtastintervall|abtastzeit|abtastperiode|messintervall|zeitschritt|zeitintervall|"
-    rf"zeitinkrement|samplingsintervall){_SUFFIX}"
+    rf"zeitinkrement|samplingsintervall|采样间隔|采样周期){_SUFFIX}"
 )
-_EITHER = re.compile(rf"sampling|abtastung|sample|messtakt|takt{_SUFFIX}")
+_EITHER = re.compile(rf"sampling|echantillonnage|abtastung|sample|messtakt|takt{_SUFFIX}")
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
 _RATES = ((_RATE, "rate"), (_STEP, "step"), (_EITHER, "either"), (_WEAK_RATE, "weak"))
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
 # A clock of another part may be far faster than the samples.
 _NO_CLOCK = re.compile(r"[^\W\d_]*clock(?:rate|frequency|freq|period)?")
-_REDUCED = re.compile(r"(?:decimation|downsampling|undersampling|divider)(?:factor|ratio)?")
-_START = re.compile(rf"(?:x0|t0|tstart|start|starts|xzero|xorigin|hoffset|wfstartoffset){_SUFFIX}")
+_REDUCED = re.compile(
+    r"(?:decimation|downsampling|undersampling|divider|reduction)(?:factor|ratio)?"
+)
+_START = re.compile(
+    rf"(?:x0|t0|tstart|start|starts|xzero|xorg|xorigin|hoffset|wfstartoffset){_SUFFIX}"
+)
 _BEGIN = re.compile(
     r"(?:wf|recording|measurement|record|trigger)?(?:start|begin)?(?:store)?"
     r"(?:date(?:time)?|time|datum|zeit|timestamp)|start|startzeit|startdatum|beginn|"
@@ -86,7 +91,7 @@ _TIME = re.compile(
     r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|"
     r"posixtime|czas|tijd|aika|čas|idő|время|时间|時間|timeoffset|zeitversatz|datenum|serialdate|"
     r"abstime|reltime|elapsed)\d{0,2}"
-    r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>sec|ms|us|ns|s)?"
+    r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>m?sec|ms|us|usec|ns|s)?"
 )
 _ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
 # Units of time that name a column of times by themselves; "min" may be a minimum, "s" a way.

@@ -374,7 +374,8 @@ def _name_axes(table: Table) -> None:
         letter, timed = len(squeezed(column.name)) == 1, is_time_unit(column.unit)
         even = rises_evenly(given)
         rises, another = place == 0 and even, even and _is_another_time(table, place)
-        named = is_time_name(column.name) or (rises and is_time_word(column.name))
+        word = is_time_word(column.name) or (column.name == "s" and _names_units(table))
+        named = is_time_name(column.name) or (rises and word)
         by_unit = timed and (rises or is_abscissa_name(column.name))
         beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
         if (
@@ -404,6 +405,11 @@ def _name_axes(table: Table) -> None:
             table.axes[0] = TimeAxis(table.values.pop(0))
             if single is None:
                 table.problems.append("column 1 rises evenly and is taken for the time [s]")
+
+
+def _names_units(table: Table) -> bool:
+    """Return True if all columns are called by a unit: "s,Volts1,Volts2"."""
+    return all(is_unit(column.name.rstrip("0123456789 ")) for column in table.columns)
 
 
 def _is_another_time(table: Table, place: int) -> bool:

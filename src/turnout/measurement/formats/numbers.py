@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 EMPTY = frozenset(("", "nan", "na", "n/a", "null", "-nan", "none", "#n/a", "#nv", "nil"))
 """Cells without a sample, in small letters."""
 _OVERLOAD = re.compile(
-    r"[*#+_xX]{2,}|-{2,}|[+\-<>]?(?:ovl|ovr|ovrld|over|overload|overld|overflow|overrange|"
+    r"[*#+_xX/?]{2,}|-{2,}|[+\-<>±]?(?:ovl|ovr|ovrld|over|overload|overld|overflow|overrange|"
     r"ofl|ol|o\.l\.?|o/l|under|underflow|underrange|inf|infinity|infinite|∞|invalid|inval|err|"
     r"error|bad|sat|saturated|clip|clipped|burnout|open|no ?data|no ?value|missing|"
-    r"1[.,]#inf\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
+    r"(?:i/o ?)?timeout|k\.? ?a\.?|1[.,]#inf\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
     re.IGNORECASE,
 )
 _NO_NUMBER = re.compile(r"[+\-]?1[.,]#(?:ind|qnan|snan)\d*", re.IGNORECASE)

@@ -11,20 +11,27 @@ import io
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 
 from turnout.core.errors import refused_of
 from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
-from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
+from turnout.measurement.formats.clock import (
+    StatedClock,
+    is_time_name,
+    is_time_unit,
+    squeezed,
+)
 from turnout.measurement.formats.numbers import (
     PLAIN,
     curve_parts,
     is_missing,
     is_number,
+    numbers,
     plain_sign,
 )
-from turnout.measurement.formats.time_axis import is_date, is_stamp
+from turnout.measurement.formats.time_axis import is_date, is_stamp, rises_evenly
 
 # So much of a file is read to recognise its layout [bytes].
 SAMPLE_SIZE = 200_000
@@ -59,6 +66,7 @@ SHORT, LONG = "\0", "\1"
 """In place of the name that a row lacks, wherever it belongs; and of a row with one too many."""
 _SPOKEN = re.compile(r"\W*([^\W\d][^\d]*?)\s+([+\-]?[\d.,]+\s?[^\W\d]\S*)")
 """A statement without a separator: "Abtastrate 25 Hz"."""
+_LABEL_ALONE = re.compile(r"[^:=]*[:=]\s*(?:[,;\t]|\Z)")
 _NEXT_LABEL = re.compile(r"[;,]\s+(?=[^\W\d][^:=]*[:=])")
 _LABELLED = re.compile(r'\s*["#%]*\s*([^:=\t;,"]{2,60}?)\s*["]?\s*[:=]\s*(.*\S)\s*')
 
@@ -200,6 +208,12 @@ def _layout(sample: bytes) -> TextLayout:
         message = "the comma may part its columns and its decimals; export it with semicolons"
         raise ValueError(message)
     heading = _heading(above, table, decimal, shows=shows)
+    alone = (width, decimal) == (1, ",") and not any(heading.names)
+    if alone and _parts_columns([cells[0] for cells in table]):
+        message = "the comma may part its columns or its decimals; name each column above them"
+        raise ValueError(message)
+    if len(table) > 3 and not _goes_on(table, decimal):
+        _refuse_numbers(first_row + 1, table[0], decimal, below=True)
     return TextLayout(encoding, separator, decimal, first_row, width, heading, sum(loose))
 
 
@@ -224,30 +238,37 @@ def _heading(
     """
     width, decimal = len(table[0]), mark if shows else None
     # A column that holds samples must have a name if another has.
-    last_filled = width < 2 or any(cells[-1] for cells in table)
-    if not (last_filled or (rows and len(rows[-1]) == width and rows[-1][-1])):
+    filled = [any(cells[place] for cells in table) for place in range(width)]
+    last_filled, found = width < 2 or filled[-1], Heading()
+    rows = _without_facts(rows, found, decimal)
+    while not (width < 2 or filled[width - 1] or (rows and rows[-1][width - 1 : width] > [""])):
         width -= 1
     # The first column may only hold the labels of the heading.
     first_empty = 10 * sum(bool(cells[0]) for cells in table) < len(table)
     unnamed_first = _unnamed_first(table, mark)
-    found = Heading()
     wide: list[tuple[int, list[str]]] = []
     logger = bool(rows) and [cell.strip('"').upper() for cell in rows[0][:1]] == ["TOA5"]
     for number, row in enumerate(rows):
         cells = [cell.strip().strip('"').strip() for cell in row]
-        factors = cells[:1] == [""] and _are_numbers([cell for cell in cells if cell])
+        whole = len(cells) == width
+        if whole and not cells[0] and _labelled(cells[1:] or [""], width, found, decimal):
+            continue
+        factors = cells[:1] == [""] and (whole or _are_numbers([cell for cell in cells if cell]))
         if len(cells) > 1 and not cells[0].strip("#%/ ") and not factors:
             cells = cells[1:]  # the mark of a comment
-        whole = len(cells) == width
+            whole = len(cells) == width
         while cells and not cells[-1]:
             cells.pop()
         if not cells or cells[0].lower().startswith("sep=") or (logger and number == 0):
             continue
         if _labelled(cells, width, found, decimal, beside=not first_empty):
             continue
+        if len(cells) < 3 and _LABEL_ALONE.match(cells[0]):
+            continue
         if first_empty and cells[0]:
             continue
-        if max(width - 1, 2 if width > 1 else 1) <= len(cells) <= width + 1:
+        unit_alone = whole and len(cells) == 1 and is_time_unit(tidy_unit(cells[0]))
+        if unit_alone or max(width - 1, 2 if width > 1 else 1) <= len(cells) <= width + 1:
             cells[0] = cells[0].lstrip("#% ")
             if len(cells) == width - 1 and last_filled and not whole:
                 cells = ["" if unnamed_first else SHORT, *cells]
@@ -262,7 +283,7 @@ def _heading(
 
 
 def _labelled(
-    cells: list[str], width: int, found: Heading, decimal: str | None, *, beside: bool
+    cells: list[str], width: int, found: Heading, decimal: str | None, *, beside: bool = False
 ) -> bool:
     """Take a row that begins with a label; return False if it does not.
 
@@ -278,8 +299,13 @@ def _labelled(
             else:
                 found.units = [tidy_unit(text) for text in texts]
             return True
+        if found.names or all(is_number(text, decimal or ".") for text in cells[1::2]):
+            name, unit = split_unit(label)
+            found.stated.read(name, cells[1::2], unit=unit, decimal=decimal)
+            return True
     if match := _LABELLED.fullmatch(cells[0]):
-        label, values = match[1], [_NEXT_LABEL.split(match[2])[0], *values]
+        first = _NEXT_LABEL.split(match[2].lstrip(",;\t "))[0]
+        label, values = match[1], [first, *values]
     elif (len(cells) == 1 or not any(" " in c for c in cells)) and (
         match := _SPOKEN.fullmatch(" ".join(cells))
     ):
@@ -320,8 +346,6 @@ def _padded(texts: list[str], width: int) -> list[str]:
 def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | None) -> None:
     """Choose the row of names and the row of units; numbers below the names cannot be read."""
     rows = [cells for _, cells in wide]
-    if len(rows) > 1:
-        _facts_below_names(rows[-2], rows[-1], found, decimal)
     unit_rows = [n for n, cells in enumerate(rows) if _are_units(cells, others=len(rows) > 1)]
     timed = [n for n, row in enumerate(rows) if any(is_time_name(split_unit(c)[0]) for c in row)]
     names: int | None = None
@@ -329,6 +353,8 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
         names = min(timed, key=lambda n: (sum(is_unit(cell) for cell in rows[n] if cell), -n))
     elif unit_rows and not found.names and len(rows) > 1:
         names = unit_rows[-1] - 1 if unit_rows[-1] else 1
+        if any(is_number(c, decimal or ".") and not c.isdigit() for c in rows[names]):
+            names = unit_rows[-1]
     elif rows and not (found.names and unit_rows):
         names = len(rows) - 1
     near = [n for n in unit_rows if n != names and (names is None or n >= names - 1)]
@@ -380,18 +406,24 @@ def _are_units(cells: list[str], *, others: bool) -> bool:
     return bracketed == len(filled) or known == len(filled) or (others and 2 * known >= len(filled))
 
 
-def _facts_below_names(
-    names: list[str], below: list[str], found: Heading, decimal: str | None
-) -> None:
-    """Read facts with a column of their own: "Start" and "Increment" of an oscilloscope."""
-    for place, name in enumerate(names):
-        if name and not is_time_name(name) and is_number(below[place], decimal or "."):
-            try:
-                if found.stated.read(name, [f"{below[place]} s"], decimal=decimal):
+def _without_facts(
+    rows: Sequence[Sequence[str]], found: Heading, decimal: str | None
+) -> list[list[str]]:
+    """Read facts among the names of an oscilloscope, "t0 = -0.1", or below: Start, Increment."""
+    kept = [list(cells) for cells in rows]
+    for cells in kept:
+        for place, cell in enumerate(cells) if len(cells) > 2 and "=" not in cells[0] else ():
+            match = _LABELLED.fullmatch(cell) if "=" in cell else None
+            if match and found.stated.read(match[1], [match[2]], decimal=decimal):
+                cells[place] = ""
+    names, below = kept[-2:] if len(kept) > 1 else ([], [])
+    for place, (name, text) in enumerate(zip(names, below, strict=False)):
+        if name and not is_time_name(name) and is_number(text, decimal or "."):
+            with suppress(ValueError):
+                if found.stated.read(name, [f"{text} s"], decimal=decimal):
                     found.empty.add(place)
                     names[place] = below[place] = ""
-            except ValueError:
-                continue
+    return kept
 
 
 def _loose_rows(above: Sequence[Sequence[str]], width: int, decimal: str) -> list[int]:
@@ -423,6 +455,33 @@ def _parts_decimals(table: Sequence[Sequence[str]], names: int) -> bool:
         for before, column in pairwise(zip(*table, strict=True))
     )
     return names + 1 < width <= 2 * names or (zeros and names < width)
+
+
+def _parts_columns(cells: Sequence[str]) -> bool:
+    """Return True if a decimal comma may part two columns of whole numbers as well.
+
+    None writes -0, or zeros in front.
+    """
+    parts = [plain_sign(cell).partition(",") for cell in cells]
+    return all(
+        comma and whole != "-0" and more.isdigit() and (more == "0" or more[0] != "0")
+        for whole, comma, more in parts
+    )
+
+
+def _goes_on(table: Sequence[Sequence[str]], decimal: str) -> bool:
+    """Return False if a first row of numbers with an empty cell may be none of the samples.
+
+    A time goes on in it, or other rows have empty cells as well.
+    """
+    first, *others = table[:4]
+    if all(first) or not all(map(all, others)) or not _are_numbers([c for c in first if c]):
+        return True
+    for column in zip(*table[:4], strict=True):
+        values, wrong, _ = numbers(column, decimal)
+        if not wrong and rises_evenly(values):
+            return True
+    return False
 
 
 def _unnamed_first(table: Sequence[Sequence[str]], decimal: str) -> bool:
@@ -554,8 +613,10 @@ def _first_row(
     first = next((place for place, cell in enumerate(kinds) if value_weight(cell, decimal)), 0)
     above, *below = rows[fitting[0] : fitting[0] + 4]
     numbered = [str(int(above[0]) + n) for n in range(width)] if above[0] in ("0", "1") else []
-    if above == numbered and fitting[1:] and any(_are_words(cells, width) for cells in below):
-        del fitting[0]  # the numbers of the columns
+    tenths = width > 1 and len(below) > 2 and all(decimal in c for cells in below for c in cells)
+    words = fitting[1:] and any(_are_words(cells, width) for cells in below)
+    if above == numbered and (tenths or words):
+        return fitting[1]  # below the numbers of the columns
     for number in fitting:
         cells = rows[number]
         if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
