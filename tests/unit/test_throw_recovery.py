@@ -26,6 +26,7 @@ def body() -> RailBody:
         first=0,
         count=18,
         recovery=np.eye(18),
+        at_interface=np.ones(18, dtype=bool),
         frequency_kept=1.0,
         frequency_omitted=2.0,
         n_full=18,

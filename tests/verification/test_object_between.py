@@ -1,6 +1,7 @@
-"""An object between the nodes of the rails, against rails with nodes where it stands.
+"""Objects that rails have no coordinates for, against rails with nodes where they stand.
 
-Reference: the same panel with both rails meshed, and reduced, with a node at the object, which is
+Between the nodes, and with a sloping face where no foot holds the rail up. Reference: the same
+panel with both rails meshed, and reduced, with a node at the object, which is
 how objects at sleepers, drives and other places of the panel are treated. Tolerance: 0.1 % for the
 force of the object at the end and at most, and 0.02 % rms of the peak for the forces of the drives,
 since what differs are shapes within one element (0.15 m) and what lies above the cut-off. On the
@@ -40,15 +41,31 @@ def thrown(panel: LoadedPanel, objects: tuple[PlacedObject, ...]) -> tuple[Mecha
 def test_forces_are_those_with_nodes_at_the_object(
     panel: LoadedPanel, x: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    objects = stone(panel, f"x = {x} m")
+    assert_as_with_nodes(panel, stone(panel, f"x = {x} m"), monkeypatch)
+
+
+@pytest.mark.parametrize("slope", [0.249, -0.249])
+def test_forces_along_a_face_are_those_with_nodes_at_the_drive(
+    panel: LoadedPanel, slope: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = [ForeignObject(0.013, "drive 1", face_slope=slope)]
+    assert_as_with_nodes(panel, resolve_objects(panel, given), monkeypatch)
+
+
+def assert_as_with_nodes(
+    panel: LoadedPanel, objects: tuple[PlacedObject, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     between, found = thrown(panel, objects)
     with monkeypatch.context() as patch:
         patch.setattr(build, "is_off_node", lambda *_: False)
+        asked: list[object] = []
+        # The rails without the object lack its node, those made with it do not.
+        patch.setattr(build, "needs_node", lambda *given: asked.append(given) or len(asked) == 1)
         build.clear_mechanisms()
         at_nodes, wanted = thrown(panel, objects)
     build.clear_mechanisms()
-    assert min(abs(between.rails[0].x - x)) > 0.01
-    assert at_nodes.stiffness.shape != between.stiffness.shape
+    size, more = (sum(rail.n_interface for rail in m.rails) for m in (between, at_nodes))
+    assert more > size
     law = between.index.object["1"]
     force, reference = found.law_force[:, law], wanted.law_force[:, law]
     assert reference[-1] > 1000.0

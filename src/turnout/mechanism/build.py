@@ -24,8 +24,8 @@ from turnout.law.table import LawTable
 from turnout.mechanism.build_rails import (
     SIGN,
     STOCK,
-    approach_ends,
     held_by,
+    object_ends,
     stock_rail_data,
     supports_of,
     switch_rail_data,
@@ -45,8 +45,9 @@ from turnout.mechanism.object_laws import divided, obstructions_of
 from turnout.mechanism.object_rows import (
     LocalFlexibility,
     approach_row,
+    is_at_interface,
     is_off_node,
-    node_rows,
+    needs_node,
 )
 from turnout.mechanism.reduce import reduce_rail
 from turnout.mechanism.shape_key import Variation, shape_of, variation_of
@@ -456,32 +457,33 @@ def _put_objects(
     """Add the rows of objects to those of rails, which are made with nodes for them if need be."""
     kept, nodes = bare, list[PlacedObject]()
     standing = [item for item in objects if not is_off_node(panel, item)]
-    between = objects[len(standing) :]
-    rows = node_rows(panel, standing, kept.rails, bare.linear.rails)
-    if rows is None:
+    if any(needs_node(panel, item, kept.rails, kept.linear.rails) for item in standing):
         kept, nodes = _kept(panel, standing, nominal), standing
         kept = kept.base or kept
-        rows = node_rows(panel, standing, kept.rails, kept.linear.rails)
-    if rows is None:
-        message = "rails made with nodes for objects lack coordinates for them"
-        raise MechanicsError(message)
+        if any(needs_node(panel, item, kept.rails, kept.linear.rails) for item in standing):
+            message = "rails made with nodes for objects lack coordinates for them"
+            raise MechanicsError(message)
     linear = kept.linear
-    rows += [approach_row(panel, item, linear.rails) for item in between]
-    yields = [_yields(panel, item, kept, varied=nominal is not None) for item in between]
-    stacked = np.array(rows)
-    stacked.flags.writeable = False
+    rows = np.array([approach_row(panel, item, linear.rails) for item in objects])
+    rows.flags.writeable = False
+    yields = tuple(_yields(panel, item, kept, varied=nominal is not None) for item in objects)
     layout = kept.frame.layout.with_objects([item.name for item in objects])
-    return _Placed(linear, layout, stacked, (*({} for _ in standing), *yields), tuple(nodes))
+    return _Placed(linear, layout, rows, yields, tuple(nodes))
 
 
 def _yields(panel: Panel, item: PlacedObject, kept: _Kept, *, varied: bool) -> dict[str, Yield]:
     """Return the local flexibility of each rail at an object, with an exponent if it may vary."""
-    found = dict[str, Yield]()
-    for name, point in approach_ends(panel, item.rail, x=item.x, height=item.height):
-        own = kept.local(name).at(x=point.x, z=point.z)
+    found, ends = dict[str, Yield](), dict[str, list[Point]]()
+    for name, point in object_ends(panel, item):
+        ends.setdefault(name, []).append(point)
+    bodies = {body.name: body for body in kept.linear.rails}
+    for name, points in ends.items():
+        if is_at_interface(bodies[name], points):
+            continue
+        own = kept.local(name).at(points)
         exponent = 0.0
         if varied:
-            wider = kept.local(name, lateral=STEP).at(x=point.x, z=point.z)
+            wider = kept.local(name, lateral=STEP).at(points)
             exponent = math.log(wider / own) / math.log(STEP)
         found[name] = Yield(own, exponent)
     return found

@@ -40,6 +40,8 @@ class RailBody:
         Place of its reduced coordinates in the mechanism's.
     recovery : ndarray, shape (6 n_nodes, count)
         ux, uy, uz, rx, ry, rz of the foot line at each node for unit reduced coordinates.
+    at_interface : ndarray of bool, shape (6 n_nodes,)
+        Which of these follow from interface coordinates alone, exactly.
     frequency_kept, frequency_omitted : float
         Highest fixed-interface mode kept and first one left out [Hz].
     n_full, n_interface : int
@@ -54,6 +56,7 @@ class RailBody:
     first: int
     count: int
     recovery: Floats
+    at_interface: NDArray[np.bool_]
     frequency_kept: float
     frequency_omitted: float
     n_full: int

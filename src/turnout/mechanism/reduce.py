@@ -23,6 +23,7 @@ from turnout.mechanism.structure import Structure, form_rows, rail_structure
 from turnout.panel.records import RailMatrices
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 STORED_FROM_COORDINATES = 2000
 """Coordinates from which on shapes are always stored as files too."""
 FIRST_STORED = 4
@@ -112,6 +113,7 @@ def _reduced(data: RailData, *, first: int) -> ReducedRail:
         first=first,
         count=element.stiffness.shape[0],
         recovery=np.asarray(structure.motion @ element.transformation),
+        at_interface=structure.known & ~_moved_beyond(structure.motion, element.interface),
         frequency_kept=float(kept[-1]) if kept.size else float("nan"),
         frequency_omitted=element.frequency_first_omitted,
         n_full=structure.load.size,
@@ -126,6 +128,13 @@ def _reduced(data: RailData, *, first: int) -> ReducedRail:
         load=reduce_vector(element, structure.load),
         rows=np.asarray(rows @ element.transformation),
     )
+
+
+def _moved_beyond(motion: sp.csr_array, interface: Ints) -> NDArray[np.bool_]:
+    """Return which displacements depend on coordinates that are not at the interface."""
+    beyond = ~np.isin(motion.indices, interface) & (motion.data != 0.0)
+    row = np.repeat(np.arange(motion.shape[0]), np.diff(motion.indptr))
+    return np.bincount(row[beyond], minlength=motion.shape[0]) > 0
 
 
 def superelement_of(data: RailData) -> tuple[Structure, Superelement, Floats]:
