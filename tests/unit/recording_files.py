@@ -44,6 +44,12 @@ JSON: list[File] = [
     ("JSON, a list of objects a channel", ".json", as_json({
         name: [{"ts": 40 * n, "value": v} for n, v in enumerate(values)]
         for name, values in LISTS.items()}), ("holds no table, or more than one",)),
+    ("JSON, channels that start at different moments", ".json", as_json({"channels": [
+        {"name": name, "rate": 25, "start": f"2026-11-28T08:14:0{at}.500", "data": values.tolist()}
+        for name, values, at in (("Force", FORCE, 0), ("Current", CURRENT, 1))]}),
+     {"Force": (25.0, 0.0), "Current": (25.0, 1.0)}),
+    ("JSON, a unit beside the interval", ".json", as_json({"dt": 40, "dt_unit": "ms", **LISTS}),
+     BOTH),
     ("JSON rate as text", ".json", as_json({"meta": {"fs": "25 Hz"}, "data": LISTS}), BOTH),
     ("JSON, a shaft's rate", ".json", as_json({"shaft": {"rate": 7}, **LISTS}), ("neither times",)),
     ("JSON split", ".json",
@@ -160,6 +166,9 @@ SHEETS: list[File] = [
     ("workbook, German texts", ".xlsx", xlsx([["Zeit (s)", "Force", "Current"],
         *([f"{a:.2f}".replace(".", ","), f"{b:.3f}".replace(".", ","), f"{c}".replace(".", ",")]
           for a, b, c in zip(TIME, FORCE, CURRENT, strict=True))]), BOTH),
+    ("workbook, curves with ids from 0", ".xlsx", xlsx([["id", "power"],
+        *[[n, ",".join(map(str, FORCE))] for n in range(3)]]),
+     ("3 throws in one table", "'0', '1', '2'")),
     ("workbook, curves in cells", ".xlsx", xlsx([["id", "power"],
         *([k, ",".join(f"{c:.1f}" for c in CURRENT)] for k in (1, 2, 3))]),
      ("3 throws in one table",)),

@@ -149,6 +149,7 @@ RATES: list[Kind] = [
     ("rate: label with its unit", stated("Abtastrate [Hz];25"), BOTH),
     ("rate: sampling, a time", stated("Sampling: 40 ms"), BOTH),
     ("rate: sampling, a frequency", stated("Sampling,25Hz"), BOTH),
+    ("rate: of bits", stated("Data rate: 9600"), ("neither times nor",)),
     ("rate: sampling without a unit", stated("Sampling: 25"), ("neither times nor",)),
     ("rate: mains", stated("Frequency: 50 Hz"), ("not taken for the sample rate", "neither")),
     ("rate: twice", stated("Sample rate: 25 Hz\nSample interval: 4 ms"), ("two clocks",)),
@@ -233,6 +234,7 @@ TIMES: list[Kind] = [
             ("TIME_MSEC", milliseconds),
             ("Zeit in Millisekunden", milliseconds),
             ("[s]", seconds),
+            ("Time / min", lambda n: f"{n * STEP / 60:.10f}"),
             ("Time [hh:mm:ss.ms]", lambda n: f"08:14:{n * STEP:06.3f}"),
         )
     ),
@@ -481,6 +483,24 @@ NUMBERS: list[Kind] = [
     ("numbers: a column without a name that alternates", "Sample rate: 25 Hz\n" + rows(
         ";", time=lambda n: f"0{n % 2}"),
      {"column 1": (25.0, 0.0), "column 2": (25.0, 0.0), "column 3": (25.0, 0.0)}),
+    ("numbers: an empty cell between tabs, one behind each row",
+     "Time (s)\tCurrent\tForce\n" + "".join(
+         f"{n * STEP:.2f}\t{'' if n == 7 else CURRENT[n]}\t{f}\t\n" for n, f in enumerate(FORCE)),
+     {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    ("numbers: an empty first cell between tabs, one behind each row",
+     "Sample rate: 25 Hz\nCurrent\tForce\n" + "".join(
+         f"{'' if n == 7 else CURRENT[n]}\t{f}\t\n" for n, f in enumerate(FORCE)),
+     {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    ("numbers: an empty cell between blanks", "Time Current Force\n" + "".join(
+        f"{n * STEP:6.2f}{'' if n == 7 else CURRENT[n]:8}{f:8}\n" for n, f in enumerate(FORCE)),
+     ("line 9 has 2 of 3 cells", "write NaN")),
+    ("numbers: an empty first cell in the middle", "Sample rate: 25 Hz\nCurrent|Force\n" + "".join(
+        f"{'' if n == COUNT // 2 else CURRENT[n]}|{f}|\n" for n, f in enumerate(FORCE)),
+     {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    *((f"numbers: {text or 'no text'} in the first cell of the last row",
+       "Sample rate: 25 Hz\nCurrent;Force\n" + "".join(
+         f"{text if n == COUNT - 1 else CURRENT[n]};{f}\n" for n, f in enumerate(FORCE)),
+       {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}) for text in ("NaN", "")),
     ("numbers: marks of gaps", HEAD + rows(time=seconds).replace("3.872", "////")
      .replace("3.546", "k.A."), BOTH),
     ("numbers: other marks of gaps", HEAD + rows(time=seconds).replace("3.872", "I/O Timeout")

@@ -150,8 +150,8 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     step = float((time[-1] - start) / (time.size - 1))
     away = float(np.max(np.abs(time - start - number * step))) / step
     # In all but the shortest channels a missing sample puts some time half a step off.
-    if away <= 0.45 and _is_whole(time, steps, away * step):
-        return TimeGrid(start, _whole_step(time, step, away * step), number)
+    if away <= 0.45 and _is_whole(time, steps):
+        return TimeGrid(start, _whole_step(time, step), number)
     repeated = int(np.count_nonzero(steps == 0))
     if repeated and away <= 2.0:
         remark = f"{repeated} of its times repeat; whether samples are missing there is not known"
@@ -184,8 +184,8 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     return TimeGrid(start, step, index)
 
 
-def _is_whole(time: NDArray[np.float64], steps: NDArray[np.float64], off: float) -> bool:
-    """Return True if times near an even grid, `off` [s] from it, lack no sample.
+def _is_whole(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
+    """Return True if times near an even grid lack no sample.
 
     Raises
     ------
@@ -196,7 +196,11 @@ def _is_whole(time: NDArray[np.float64], steps: NDArray[np.float64], off: float)
     holes = int(np.count_nonzero(ratio > 1.5))
     if not holes or ratio.min() < 0.5 or np.max(np.abs(ratio - np.rint(ratio))) > 0.1:
         return True
-    rounded = off <= 1.001 * _last_digit(time)
+    digit, mean = _last_digit(time), float(np.mean(steps))
+    # The first and the last time are rounded, too.
+    reach = digit / steps.size if steps.size < 50 else 0.0
+    tried = np.linspace(mean - reach, mean + reach, 41)
+    rounded = min(_spread(time, one) for one in tried) <= 1.001 * digit
     if not rounded and 2 * holes < steps.size:
         return False
     # Rounding repeats its pattern.
@@ -216,11 +220,15 @@ def _last_digit(time: NDArray[np.float64]) -> float:
     return next((q for q in digits if np.allclose(time / q, np.rint(time / q), 0, 1e-4)), 0.0)
 
 
-def _whole_step(time: NDArray[np.float64], step: float, off: float) -> float:
-    """Return the step [s] of a whole rate if rounded times, `off` [s] from even, may have it."""
-    digit = _last_digit(time)
+def _spread(time: NDArray[np.float64], step: float) -> float:
+    """Return by how much times differ from even ones [s]; at most a digit if they are rounded."""
+    return float(np.ptp(time - np.arange(time.size) * step))
+
+
+def _whole_step(time: NDArray[np.float64], step: float) -> float:
+    """Return the step [s] of a whole rate if uneven times may be its, rounded; else the step."""
     whole = 1.0 / max(round(1.0 / step), 1)
-    if off <= 0.1 * digit or np.ptp(time - np.arange(time.size) * whole) > 1.001 * digit:
+    if _spread(time, step) < 1e-6 * step or _spread(time, whole) > 1.001 * _last_digit(time):
         return step
     return whole
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices, count_in_words
-from turnout.measurement.formats.clock import DAY, is_time_unit
+from turnout.measurement.formats.clock import DAY, is_time_name, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.time_axis import iso_time
 from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, on_grid, time_grid
@@ -116,7 +116,7 @@ def split_unit(text: str) -> tuple[str, str]:
         stated = square is not None or not unit or is_unit(unit)
         return (name, tidy_unit(unit)) if stated and not element else (text, "")
     match = _QUOTIENT.fullmatch(text)
-    if match and not is_unit(text.split()[-1]) and _stands_behind(match[2]):
+    if match and not is_unit(text.split()[-1]) and _stands_behind(match[2], match[1]):
         return match[1], tidy_unit(match[2])
     if match := _ENDING.fullmatch(text):
         unit = match[1] or (match[2] if _QUANTITY_OF[match[2]].fullmatch(text) else "")
@@ -126,14 +126,15 @@ def split_unit(text: str) -> tuple[str, str]:
         return "", tidy_unit(text[3:])
     match = _BEHIND.fullmatch(text)
     # "Rod A" is a name, "I in A" and "Force kN" end in a unit.
-    if match and _stands_behind(match[3]) and (match[2].strip() or len(match[3]) > 1):
+    if match and _stands_behind(match[3], match[1]) and (match[2].strip() or len(match[3]) > 1):
         return match[1], tidy_unit(match[3])
     return text, ""
 
 
-def _stands_behind(text: str) -> bool:
+def _stands_behind(text: str, name: str = "") -> bool:
     """Return True for a unit that may stand behind a name without brackets."""
-    return is_unit(text) and text not in _NO_UNIT_BEHIND
+    timed = is_time_unit(text) and is_time_name(name)
+    return is_unit(text) and (text not in _NO_UNIT_BEHIND or timed)
 
 
 def is_unit(text: str) -> bool:

@@ -216,16 +216,18 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Return the rows of each throw by its label, and the column that tells them apart."""
     rows = max((len(column.cells) for column in table.columns), default=0)
     curves = bool(table.curves) and rows > 1
-    numbers, texts = _cells_named(table, is_throw_name)
-    for place, cells in {**numbers, **texts}.items():
-        labels = [cell if isinstance(cell, str) else f"{cell:.15g}" for cell in cells]
+    for place, labels in _labels_named(table, is_throw_name):
         starts = _changes(labels)
         names = [labels[i] for i in starts]
-        if len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(cells)):
-            return _rows(starts, len(cells), names), f"column '{label_of(table, place)}'"
+        if len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(labels)):
+            return _rows(starts, len(labels), names), f"column '{label_of(table, place)}'"
     if curves:
         shown = label_of(table, next(iter(table.curves)))
-        return _rows(range(rows), rows), f"a curve in each cell of column '{shown}'"
+        # An id that may be mistaken for the number of the row is the label.
+        rank = {f"{number}" for number in range(1, rows + 1)}
+        named = _labels_named(table, lambda name: squeezed(name) == "id")
+        ids = next((ids for _, ids in named if len({*ids}) == rows and rank & {*ids}), [])
+        return _rows(range(rows), rows, ids), f"a curve in each cell of column '{shown}'"
     numbers, texts = _cells_named(table, is_direction_name)
     for place, turns in {**texts, **numbers}.items():
         starts = _changes(turns)
@@ -242,6 +244,13 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
             break
         return _rows([0, *again], values.size), f"'{label_of(table, place)}' starts again"
     return {}, ""
+
+
+def _labels_named(table: Table, is_named: Callable[[str], bool]) -> list[tuple[int, list[str]]]:
+    """Return place and cells, as texts, of the columns with some names."""
+    numbers, texts = _cells_named(table, is_named)
+    named = {place: [f"{cell:.15g}" for cell in cells] for place, cells in numbers.items()}
+    return list({**named, **texts}.items())
 
 
 def _cells_named(

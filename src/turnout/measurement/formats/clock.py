@@ -39,7 +39,7 @@ HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in word
 _SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
 _SOURCES = (
     "sample|sampling|samp|scan|acquisition|acq|logging|log|logger|recording|record|recorded|"
-    "storage|measuring|measurement|mess|abtast|data|daten|daq|adc|digitizer|wf|wave|nominal|effective"
+    "storage|measuring|measurement|mess|abtast|data|daq|adc|digitizer|wf|wave|nominal|effective"
 )
 _RATE = re.compile(
     rf"(?:data\d+)?(?:(?:{_SOURCES})s?(?:rate|frequency|freq|frq|frequenz)|fs|sr|sps|srate|"
@@ -57,9 +57,12 @@ _STEP = re.compile(
     r"abtastintervall|abtastzeit|abtastperiode|messintervall|zeitschritt|zeitintervall|"
     rf"zeitinkrement|samplingsintervall|采样间隔|采样周期){_SUFFIX}"
 )
-_EITHER = re.compile(rf"sampling|echantillonnage|abtastung|sample|messtakt|takt{_SUFFIX}")
+# Without a unit a data rate may be one of bits.
+_EITHER = re.compile(
+    rf"sampling|dat(?:a|en)rate|echantillonnage|abtastung|sample|messtakt|takt{_SUFFIX}"
+)
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
-_RATES = ((_RATE, "rate"), (_STEP, "step"), (_EITHER, "either"), (_WEAK_RATE, "weak"))
+_RATES = ((_EITHER, "either"), (_RATE, "rate"), (_STEP, "step"), (_WEAK_RATE, "weak"))
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
 # A clock of another part may be far faster than the samples.
 _NO_CLOCK = re.compile(r"[^\W\d_]*clock(?:rate|frequency|freq|period)?")

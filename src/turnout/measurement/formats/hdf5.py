@@ -29,7 +29,7 @@ from turnout.measurement.formats.named_arrays import (
     columns_of_arrays,
     stated_clock,
 )
-from turnout.measurement.formats.time_axis import is_stamp, stamps_axis
+from turnout.measurement.formats.time_axis import moment_of
 from turnout.measurement.recording import Recording
 
 LARGEST_DEPTH = 50
@@ -253,8 +253,7 @@ class _Found:
             self.arrays[name], self.units[name] = values, unit
             return
         shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)
-        text = _first(attributes, START_TIMES)
-        begin = stamps_axis([text]).begin if is_stamp(text) else None
+        begin = moment_of(_first(attributes, START_TIMES))
         column = FileColumn(shown, values.reshape(-1), tidy_unit(unit), described)
         self.columns.append(replace(column, rate=rate[0], start=clock.start, begin=begin))
 

@@ -15,7 +15,9 @@ from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.file_table import Table, TableColumn
+from turnout.measurement.formats.named_arrays import stated_clock
 from turnout.measurement.formats.text_dialect import encoding_of
+from turnout.measurement.formats.time_axis import moment_of
 from turnout.measurement.recording import Recording
 
 NO_TIME = "give a column 'Time (s)' or a key 'sample_rate' [1/s]"
@@ -103,6 +105,10 @@ def _tables_in(held: Any) -> bool:
     )
 
 
+def _scalars(held: Mapping[Any, Any]) -> dict[str, Any]:
+    return {str(key): v for key, v in held.items() if type(v) in (str, int, float)}
+
+
 def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) -> None:
     """Read the clock and units in single values, also those of an object without lists."""
     for key, value in held.items():
@@ -116,8 +122,7 @@ def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) 
             stated.rates += inside.rates
             stated.moments += inside.moments
             stated.start = inside.start or stated.start
-        elif isinstance(value, str | int | float) and not isinstance(value, bool):
-            stated.read(str(key), [value])
+    stated_clock(_scalars(held), stated=stated, own=True)
 
 
 def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
@@ -191,13 +196,12 @@ def _channels(held: list[Any], stated: StatedClock, source: str) -> list[FileCol
             return []
         bare, unit = named_unit(name, next((str(item[keys[k]]) for k in _UNITS if k in keys), ""))
         times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
-        own = StatedClock()
-        for key, value in item.items():
-            if isinstance(value, str | int | float):
-                own.read(str(key), [value])
+        own = stated_clock(_scalars(item), own=True)
         clock = own if own.rate() else replace(own, rates=stated.rates)
         columns = [TableColumn(key, _cells(cells)) for key, cells in times.items()]
         columns.append(TableColumn(bare, _cells(values), unit))
-        found += table_columns(Table(columns, clock, source, remedy=NO_TIME, alone=False))[0]
+        table = Table(columns, clock, source, remedy=NO_TIME, alone=False)
+        begin = moment_of(" ".join(own.moments))
+        found += [replace(c, begin=begin) if begin else c for c in table_columns(table)[0]]
     distinct = len({column.name for column in found}) == len(found)
     return found if distinct else []

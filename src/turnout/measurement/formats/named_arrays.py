@@ -123,7 +123,9 @@ def columns_of_arrays(
     return columns, problems
 
 
-def stated_clock(values: Mapping[str, Any], *, own: bool = False) -> StatedClock:
+def stated_clock(
+    values: Mapping[str, Any], *, own: bool = False, stated: StatedClock | None = None
+) -> StatedClock:
     """Return the clock that names and their single values state.
 
     Parameters
@@ -133,17 +135,20 @@ def stated_clock(values: Mapping[str, Any], *, own: bool = False) -> StatedClock
     own : bool
         Whether they describe one channel, of which a "rate" is the sample rate; that of a group
         may be a shaft's.
+    stated : StatedClock, optional
+        What was stated before, to which they are added.
 
     Examples
     --------
     >>> stated_clock({"bearing.sr": 97656.0, "bearing.rate": 25.0}).rate()
     (97656.0,)
     """
-    stated = StatedClock()
+    stated = stated or StatedClock()
     for name, value in values.items():
-        inner = np.ravel(value)
-        for item in inner[:1].tolist():
-            stated.read(_last(name), [item.decode() if isinstance(item, bytes) else item])
+        unit = str(values.get(f"{name}_unit", ""))
+        for item in np.ravel(value)[:1].tolist():
+            text = item.decode() if isinstance(item, bytes) else item
+            stated.read(_last(name), [text], unit=unit) or stated.read(name, [text], unit=unit)
     if not own:
         stated.leave_weak()
     return stated

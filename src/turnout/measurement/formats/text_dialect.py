@@ -75,6 +75,7 @@ _SPACED = re.compile(r"\"[^\"]*\"(?!\S)|[^\s\[(]\S*[ \t]+(?:\[[^\s\[\]]*\]|\([^\
 """Cells between spaces; a unit in brackets belongs to the name before it."""
 _WITH_UNIT = re.compile(r"[^\[\]()]+(?:\[[^\[\]()]*\]|\([^\[\]()]*\))")
 _BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
+_EMPTY_CELL = re.compile(r"\S *\t *\t *\S")
 _UNIT = re.compile(r"(?<=[\d.,])\s?[^\W\d_]{1,4}\Z")
 
 
@@ -512,7 +513,7 @@ def _heading_cells(line: str, separator: str, width: int) -> list[str]:
     cells = split_line(line, separator)
     if separator == " " and len(cells) != width and len(long := _WITH_UNIT.findall(line)) == width:
         return [cell.strip() for cell in long]
-    if cells and separator == " " and (":" in line or "=" in line):
+    if cells and separator == " " and any(mark in line for mark in ":=;"):
         return [line.strip()]
     first = _BRACKETS.sub("", cells[0]) if cells else ""
     return [line.strip()] if ":" in first[:-1] and not first.startswith('"') else cells
@@ -526,6 +527,9 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
     best, best_score = None, (0.0, 0)
     for separator, marks in DECIMAL_MARKS.items():
         if best is not None and not any(separator in line for line in lines):
+            continue
+        behind_tab = {line[0] == "\t" for line in lines if line.rstrip()[-1:].isdigit()}
+        if separator == " " and (len(behind_tab) > 1 or any(map(_EMPTY_CELL.search, lines))):
             continue
         rows = [split_line(line, separator) for line in lines]
         for decimal in marks:
@@ -608,7 +612,8 @@ def _first_row(
     """Return the first row of the table: the first as wide whose first filled cell is a value."""
     fitting = [n for n, cells in enumerate(rows) if len(cells) == width and shares[n] >= 0.5]
     unlabelled = [number for number in fitting if not rows[number][0]]
-    usual = unlabelled if 2 * len(unlabelled) > len(fitting) else fitting
+    labelled = [number for number in fitting if rows[number][0]]
+    usual = unlabelled if len(unlabelled) > len(labelled) else labelled
     kinds = rows[usual[len(usual) // 2]]
     first = next((place for place, cell in enumerate(kinds) if value_weight(cell, decimal)), 0)
     above, *below = rows[fitting[0] : fitting[0] + 4]

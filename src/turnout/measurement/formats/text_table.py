@@ -15,7 +15,7 @@ from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
-from turnout.measurement.formats.numbers import EMPTY, unclear_mark
+from turnout.measurement.formats.numbers import EMPTY, is_missing, unclear_mark
 from turnout.measurement.formats.text_dialect import (
     SAMPLE_SIZE,
     TextLayout,
@@ -117,12 +117,28 @@ def _cells(text: _Text) -> tuple[Any, list[str]]:
         frame = frame.iloc[:-1]
     if layout.width == 1 and len(frame) and frame[0].dtype.kind == "f":
         frame = frame.iloc[: int(np.flatnonzero(frame[0].notna())[-1]) + 1]
+    if layout.separator == " " and layout.width > 1:
+        whole = frame if text.body.endswith("\n") else frame.iloc[:-1]
+        _refuse_short_rows(text, np.flatnonzero(whole.iloc[:, -1].isna()))
     # An empty line at the end is none; a row without its last cells was cut off.
     cut = len(frame) > 1 and not problems and pd.isna(frame.iloc[-1, -1])
     if cut and frame.iloc[:-1, -1].notna().any() and not text.body.endswith("\n"):
         frame = frame.iloc[:-1]
         problems.append("the last line is cut off and left out")
     return frame, problems
+
+
+def _refuse_short_rows(text: _Text, rows: Any) -> None:
+    """Refuse rows without one of their cells where blanks part them: which one is not known."""
+    lines = [line for line in text.body.split("\n") if line.strip()] if len(rows) else []
+    for row in rows:
+        count = len(split_line(lines[row], " "))
+        if count < text.layout.width:
+            message = (
+                f"{_line_of(text, row)} has {count} of {text.layout.width} cells; where blanks "
+                "part them, write NaN for an empty one"
+            )
+            raise ValueError(message)
 
 
 def _frame(text: _Text) -> Any:
@@ -177,7 +193,10 @@ def _without_footer(text: _Text) -> tuple[_Text, list[str]]:
     for line in lines[: -MOST_FOOTER - 2 : -1]:
         cells = split_line(line, layout.separator)
         cell = cells[leading] if len(cells) > leading else "".join(cells[:1])
-        if cell and (not cell[0].isalpha() or value_weight(cell, layout.decimal)):
+        values = [c for c in cells if c] if cells and not cell else [cell]
+        if any(values) and all(
+            not c[:1].isalpha() or is_missing(c) or value_weight(c, layout.decimal) for c in values
+        ):
             break
         count += 1
     first = len(lines) - count

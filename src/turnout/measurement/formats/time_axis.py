@@ -288,6 +288,11 @@ def is_stamp(text: str) -> bool:
     return match is not None and (bool(date) or match["h5"] is None)
 
 
+def moment_of(text: str) -> float | None:
+    """Return the moment [s] since 1970 of one time stamp; None if it is none."""
+    return stamps_axis([text]).begin if is_stamp(text) else None
+
+
 def _date_and_rest(text: str) -> tuple[Parts, str]:
     """Return the parts of the date that a text begins with, and what is behind it."""
     date = _DATE.match(text) if len(text) <= _LONGEST else None
