@@ -7,7 +7,6 @@ for a drive on the other rail, whose marker moves the same way.
 Schedules recorded elsewhere: a CSV file with the columns time and fraction.
 """
 
-import csv
 from collections.abc import Hashable
 from dataclasses import replace
 from functools import lru_cache
@@ -17,9 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from turnout.core.errors import FileError
+from turnout.core.errors import FileError, refused_of
 from turnout.core.files import user_path
 from turnout.core.problems import Problem, shortened, show_value
+from turnout.core.sheet_rows import sheet_rows
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import MOST_VALUES, SI
 from turnout.panel.document import Document
@@ -402,20 +402,16 @@ def read_schedule_csv(path: Path) -> tuple[list[float], list[float]]:
         When the file or a cell cannot be read; the text names the line.
     """
     text = decode(read_bytes(path), source=str(path))
-    rows = csv.reader(line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    with refused_of(path):
+        _, rows = sheet_rows(text)
     columns: dict[str, list[float]] = {name: [] for name in COLUMNS}
-    try:
-        header = [cell.strip().lower() for cell in next(rows, [])]
-        if sorted(header) != sorted(COLUMNS):
-            said = show_value(header)
-            message = f"{path}: the first line must name the columns time,fraction; it says {said}"
-            raise FileError(message)
-        for row in rows:
-            if any(cell.strip() for cell in row):
-                _add_row(columns, header, row, place=f"{path}: line {rows.line_num}")
-    except csv.Error as error:  # such as a cell of more than 131,072 characters
-        message = f"{path}: line {rows.line_num}: {error}"
-        raise FileError(message) from None
+    header = [cell.lower() for cell in rows[0][1]] if rows else []
+    if sorted(header) != sorted(COLUMNS):
+        said = show_value(header)
+        message = f"{path}: the first line must name the columns time,fraction; it says {said}"
+        raise FileError(message)
+    for number, row in rows[1:]:
+        _add_row(columns, header, row, place=f"{path}: line {number}")
     return columns["time"], columns["fraction"]
 
 

@@ -3,7 +3,6 @@
 The format is described in docs/use/pod.md.
 """
 
-import csv
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import StudyError
 from turnout.core.problems import choices, nearest, show_value
+from turnout.core.sheet_rows import sheet_rows
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import DIMENSIONS, Dimension, parse_quantity, unit_factor
 from turnout.measurement.campaign.run_sheet import object_size, parse_yes_no
@@ -86,25 +86,21 @@ def read_test_throws(path: Path | str) -> TestThrows:
     """
     path = Path(path)
     text = decode(read_bytes(path), source=str(path))
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip(" ,;\t") and not line.lstrip().startswith("#")
-    ]
+    try:
+        _, lines = sheet_rows(text)
+    except ValueError as error:
+        raise StudyError([str(error)], source=str(path)) from None
     if not lines:
         raise StudyError(["has no line with the names of the columns"], source=str(path))
-    separator = max(",;\t", key=lines[0][1].count)
-    header = [_column(cell) for cell in next(csv.reader([lines[0][1]], delimiter=separator))]
+    header = [_column(cell) for cell in lines[0][1]]
     problems = _heading_problems([name for name, _ in header])
     if problems:
         raise StudyError(problems, source=str(path))
     rows = []
-    for number, line in lines[1:]:
-        cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    for number, cells in lines[1:]:
         if len(cells) > len(header):
             problems.append(f"line {number}: has {len(cells)} cells, the heading {len(header)}")
-        row = dict(zip((name for name, _ in header), cells, strict=False))
-        rows.append((number, row))
+        rows.append((number, dict(zip((name for name, _ in header), cells, strict=False))))
     units = {name: unit or "" for name, unit in header}
     found = _throws(rows, units, problems, source=str(path))
     if problems or found is None:

@@ -11,12 +11,12 @@ from typing import Any
 
 from turnout.core.errors import FileError, MeasurementError
 from turnout.core.problems import choices, nearest, show_value
+from turnout.core.sheet_rows import sheet_rows
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.core.units import LENGTH, parse_quantity
 from turnout.measurement.campaign.campaign_folder import is_outside
 from turnout.measurement.campaign.motion_signals import CLOSING, OPENING
 from turnout.measurement.formats.file_format import read_throws
-from turnout.measurement.formats.text_dialect import split_line
 from turnout.measurement.recording import Recording
 
 # A larger object does not fit into any flangeway: its unit is wrong [m].
@@ -388,25 +388,18 @@ def _toml_rows(text: str, path: Path) -> tuple[dict[str, Any], Rows]:
 
 
 def _csv_rows(text: str, path: Path) -> tuple[dict[str, Any], Rows]:
-    headings: dict[str, Any] = {}
+    try:
+        comments, lines = sheet_rows(text)
+    except ValueError as error:
+        raise MeasurementError([str(error)], source=str(path)) from None
+    headings = {
+        key.strip(): value.strip()
+        for key, sign, value in (comment.partition(":") for comment in comments)
+        if sign and key.strip() in HEADINGS
+    }
+    columns = [_column(cell) for cell in lines[0][1]] if lines else []
     rows: Rows = []
-    columns: list[tuple[str, str]] = []
-    separator = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if line.lstrip().startswith("#"):
-            key, sign, value = line.lstrip("# \t").partition(":")
-            if sign and key.strip() in HEADINGS:
-                headings[key.strip()] = value.strip()
-        if line.lstrip().startswith("#") or not line.strip(" ,;\t"):
-            continue
-        separator = separator or max(",;\t", key=line.count)
-        try:
-            cells = split_line(line, separator)
-        except ValueError as error:
-            raise MeasurementError([f"line {number}: {error}"], source=str(path)) from None
-        if not columns:
-            columns = [_column(cell) for cell in cells]
-            continue
+    for number, cells in lines[1:]:
         row: dict[str, Any] = {}
         for (name, unit), cell in zip(columns, cells, strict=False):
             bare = name == "size" and unit and re.fullmatch(r"[-+]?[\d.,]+", cell)

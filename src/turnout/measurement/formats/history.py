@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from turnout.core.channels import check_schema, label
 from turnout.core.errors import FileError, refused_of
 from turnout.core.problems import choices, nearest
+from turnout.core.sheet_rows import sheet_rows
 from turnout.core.toml import decode, read_bytes
 from turnout.core.units import FORCE, LENGTH, TIME, Dimension, unit_factor
 from turnout.core.value_text import shown_unit
 from turnout.measurement.formats.assemble import split_unit
-from turnout.measurement.formats.text_dialect import split_line
 
 Floats = NDArray[np.float64]
 
@@ -68,19 +68,13 @@ def read_history(path: Path | str) -> xr.Dataset:
     """
     file = Path(path)
     text = decode(read_bytes(file, largest=MOST_FILE_BYTES), source=str(file))
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    with refused_of(file):
+        _, lines = sheet_rows(text)
     if len(lines) < 3:
         message = f"{file}: needs a line of names and at least two lines of numbers"
         raise FileError(message)
-    separator = ";" if lines[0][1].count(";") > lines[0][1].count(",") else ","
-    with refused_of(f"{file}: line {lines[0][0]}"):
-        heading = split_line(lines[0][1], separator)
-    names, factors, problems = _columns(heading)
-    values, found = _numbers(lines[1:], len(heading), separator)
+    names, factors, problems = _columns(lines[0][1])
+    values, found = _numbers(lines[1:], len(lines[0][1]))
     problems += found
     if not problems:
         time = values[:, names.index(("time", ""))]
@@ -139,16 +133,11 @@ def _problem_of(key: tuple[str, str]) -> str | None:
     return None
 
 
-def _numbers(lines: list[tuple[int, str]], width: int, separator: str) -> tuple[Floats, list[str]]:
+def _numbers(lines: list[tuple[int, list[str]]], width: int) -> tuple[Floats, list[str]]:
     """Return the numbers and the faults of their lines."""
     values = np.full((len(lines), width), np.nan)
     problems: list[str] = []
-    for at, (number, line) in enumerate(lines):
-        try:
-            row = split_line(line, separator)
-        except ValueError as error:
-            problems.append(f"line {number}: {error}")
-            continue
+    for at, (number, row) in enumerate(lines):
         if len(row) != width:
             problems.append(f"line {number}: {len(row)} cells, must be {width}")
             continue

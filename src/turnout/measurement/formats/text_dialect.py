@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 
 from turnout.core.errors import refused_of
+from turnout.core.sheet_rows import split_row
 from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
 from turnout.measurement.formats.clock import (
     StatedClock,
@@ -573,14 +574,7 @@ def split_line(line: str, separator: str) -> list[str]:
         return [
             cell[1:-1] if cell[0] + cell[-1] == '""' else cell for cell in _SPACED.findall(line)
         ]
-    if not line.strip():
-        return []
-    try:
-        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    except csv.Error as error:
-        message = f"{error}; shorten the cell, or close its quotation mark"
-        raise ValueError(message) from None
-    return [cell.strip() for cell in cells]
+    return split_row(line, separator) if line.strip() else []
 
 
 def _share(cells: Sequence[str], decimal: str) -> float:
