@@ -693,6 +693,9 @@ THROWS: list[Kind] = [
      "throw,Time (s),Force,Current\n" + "".join(
          rows(time=lambda n, k=k: f"{k},{seconds(n)}", count=20) for k in (1, 2)),
      ("2 throws in one table (column 'throw')",)),
+    *((f"throws: curves with {mark!r} behind texts", "Sample rate: 25 Hz\nthrow\tdirection\tpower\n"
+       + "".join(f"T{k}\tN\t{mark.join(f'{v:.1f}' for v in CURRENT)}\n" for k in (1, 2, 3)),
+       ("3 throws in one table (column 'throw'): 'T1', 'T2', 'T3'",)) for mark in ",;|"),
     ("throws: long numbers",
      "throw,Time (s),Force,Current\n" + "".join(
          rows(time=lambda n, k=k: f"{10_000_001 + k},{(n + 20 * k) * STEP:.2f}", count=20)

@@ -580,15 +580,14 @@ def split_line(line: str, separator: str) -> list[str]:
 def _share(cells: Sequence[str], decimal: str) -> float:
     """Return the share of the filled cells that are numbers, times or known gaps."""
     filled = [cell for cell in cells if cell]
-    # A list of numbers alone in its line may be a row.
-    found = [
-        value_weight(cell, decimal) or (len(cells) > 1 and bool(curve_parts(cell, decimal)))
-        for cell in filled
-    ]
-    if not any(found):
-        return 0.0
-    gaps = sum(not w and is_missing(cell) for cell, w in zip(filled, found, strict=True))
-    return (sum(found) + gaps) / len(filled)
+    weights = [value_weight(cell, decimal) for cell in filled]
+    # A list of numbers alone in its line may be a row; beside others it counts as so many.
+    texts = [cell for cell, weight in zip(filled, weights, strict=True) if not weight]
+    lists = [len(curve_parts(cell, decimal)) for cell in texts if len(cells) > 1]
+    found = sum(weights) + sum(lists)
+    gaps = sum(map(is_missing, texts))
+    more = sum(count - 1 for count in lists if count)
+    return (found + gaps) / (len(filled) + more) if found else 0.0
 
 
 def value_weight(cell: str, decimal: str) -> float:
@@ -609,7 +608,8 @@ def _first_row(
     labelled = [number for number in fitting if rows[number][0]]
     usual = unlabelled if len(unlabelled) > len(labelled) else labelled
     kinds = rows[usual[len(usual) // 2]]
-    first = next((place for place, cell in enumerate(kinds) if value_weight(cell, decimal)), 0)
+    values = [bool(value_weight(c, decimal) or curve_parts(c, decimal)) for c in kinds]
+    first = values.index(True) if any(values) else 0
     above, *below = rows[fitting[0] : fitting[0] + 4]
     numbered = [str(int(above[0]) + n) for n in range(width)] if above[0] in ("0", "1") else []
     tenths = width > 1 and len(below) > 2 and all(decimal in c for cells in below for c in cells)
@@ -620,7 +620,8 @@ def _first_row(
         cells = rows[number]
         if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
             continue  # a label above an empty first column
-        if value_weight(cells[first], decimal) or number == fitting[-1]:
+        held = value_weight(cells[first], decimal) or curve_parts(cells[first], decimal)
+        if held or number == fitting[-1]:
             return _with_gaps_above(rows, number, width, decimal)
     return fitting[0]
 
