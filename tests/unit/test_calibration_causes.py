@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
-from turnout.calibration import cause_trials, starts
+from turnout.calibration import cause_trials, causes, starts
 from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
-from turnout.calibration.candidate_causes import Cause, candidate_causes
+from turnout.calibration.candidate_causes import GROUP, Cause, candidate_causes
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
     DECISIVE,
     CauseSearch,
     _best_of_alike,
     _fitted_with,
+    _likeliest,
+    _usual_effects,
     cause_lines,
     is_needed,
     is_worth_a_search,
@@ -121,6 +123,7 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
         raise SolverError(message)
 
     monkeypatch.setattr(starts, "brief_fit", noted)
+    monkeypatch.setattr(causes, "brief_fit", noted)
     # A fit to its end is tried, and is none where it fails.
     monkeypatch.setattr(starts, "fit", fails)
     assert starts.first_fit(whole, found) is found
@@ -292,14 +295,65 @@ def test_drives_that_go_elsewhere_when_open_are_a_cause_where_a_panel_has_them()
 def test_friction_by_chair_keeps_its_mean() -> None:
     cause = cause_of(load_panel("sb1"), "friction by chair")
     assert cause.law is not None
-    shares = np.linspace(-0.5, 0.5, len(cause.parameters))
-    sizes = {item.name: float(share) for item, share in zip(cause.parameters, shares, strict=True)}
+    # The last group is what the others differ from.
+    shares = np.linspace(-1.0, 0.0, len(cause.parameters) + 1)
+    names = [item.name for item in cause.parameters]
+    sizes = {name: float(share) for name, share in zip(names, shares, strict=False)}
     made = cause.law({"chair.friction_coefficient": 0.4, **sizes})
     friction = np.array(list(made.values()), dtype=np.float64)
     assert friction.mean() == pytest.approx(0.4)
     assert np.ptp(friction) == pytest.approx(0.4)
     # Along the switch, from the toe to the heel.
     assert (np.diff(friction) >= 0).all()
+    # Records of before have a size of the last one too: only differences count.
+    before = {**{name: size + 0.2 for name, size in sizes.items()}, f"{GROUP}{len(shares)}": 0.2}
+    again = cause.law({"chair.friction_coefficient": 0.4, **before})
+    np.testing.assert_allclose(np.array(list(again.values()), dtype=np.float64), friction)
+
+
+def test_of_several_choices_the_one_with_which_clearly_least_is_missed_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(0))])
+    found = fit(whole, PARAMETERS, TRUE, rough=True)
+    names = ("first", "alike", "better", "after")
+    choices = [
+        [cause_trials.TestedCause(cause=Cause(name=n, text=str), sizes=(), gain=50.0)]
+        for n in names
+    ]
+    fits = {name: replace(found, message=name) for name in names}
+    left = {"": 1.0, "first": 0.6, "alike": 0.55, "better": 0.1, "after": 0.01}
+    tried: list[str] = []
+
+    def fitted(_: Fit, __: Misfit, choice: list[cause_trials.TestedCause], **___: object) -> Fit:
+        tried.append(choice[0].name)
+        return fits[choice[0].name]
+
+    start = replace(found, message="")
+    monkeypatch.setattr(causes, "_fitted_with", fitted)
+    monkeypatch.setattr(causes, "missed_share", lambda fit: left[fit.message])
+    monkeypatch.setattr(causes, "is_worth_a_search", lambda fit, **_: left[fit.message] > 0.2)
+
+    def taken(count: int) -> str:
+        tried.clear()
+        likeliest = _likeliest(start, whole, choices[:count], lambda: False)
+        return likeliest[1][0].name if likeliest else ""
+
+    assert taken(2) == "first"
+    # None is fitted after one that leaves nothing to look for.
+    assert taken(4) == "better"
+    assert tried == ["first", "alike", "better"]
+    left |= {"first": 0.99, "alike": 0.99}
+    assert taken(2) == ""
+    # Thoroughly then, from the last.
+    assert tried == ["first", "alike", "alike", "first"]
+
+
+def test_what_a_movement_took_up_for_the_lack_of_a_cause_is_not_gone_on_with() -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(0)) for _ in range(3)])
+    found = fit(whole, PARAMETERS, TRUE, rough=True)
+    own = replace(found, misfit=replace(found.misfit, effects={"mu": (0.03, -0.2, -0.05)}))
+    assert _usual_effects(own, whole) == {"mu": (0.03, 0.0, -0.05)}
 
 
 def test_movements_that_do_not_slip_keep_the_common_level() -> None:

@@ -65,7 +65,7 @@ def test_planes_without_an_end_are_no_convergence(monkeypatch: pytest.MonkeyPatc
     found = fit(rough(seed=3), PARAMETERS, {**TRUE, "k": 0.985 * TRUE["k"]})
     assert not found.converged
     (reason,) = distrust_reasons(found, spread_of(found))
-    assert reason.startswith("the last stage stopped after 8 planes before convergence")
+    assert reason.startswith("the last stage stopped after 16 planes before convergence")
     assert "--fix" in reason
     assert abs(off(found)) < 2.6
 

@@ -96,8 +96,6 @@ class Cause:
         follows with those of all values.
     least : float
         What is smaller is none: a fit that lacks another cause finds some of every one [as sizes].
-    about_mean : bool
-        Whether only differences of its sizes from their mean count.
     drives : tuple of str
         Drives whose law it changes; another cause that changes one of them too is not taken up.
     beside : callable, optional
@@ -117,7 +115,6 @@ class Cause:
     refined: bool = False
     smooth: bool = False
     least: float = 0.0
-    about_mean: bool = False
     drives: tuple[str, ...] = ()
     beside: Beside | None = None
     law: Law | None = None
@@ -133,8 +130,6 @@ class Cause:
         # Where it is not smooth, its first parameter is its size.
         sized = self.parameters if self.smooth else self.parameters[:1]
         away = np.array([size - item.start for item, size in zip(sized, sizes, strict=False)])
-        if self.about_mean:
-            away = away - away.mean()
         return bool(away.size) and bool(np.all(np.abs(away) < self.least))
 
     def is_slight_in(self, values: Mapping[str, float]) -> bool:
@@ -541,7 +536,12 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
     keys = tuple(f"{GROUP}{number}" for number in range(1, count + 1))
 
     def shares(values: Mapping[str, float]) -> dict[str, float]:
-        own = {name: values[key] for key, names in zip(keys, groups, strict=True) for name in names}
+        # Of the last group nothing: only differences count.
+        own = {
+            name: values.get(key, 0.0)
+            for key, names in zip(keys, groups, strict=True)
+            for name in names
+        }
         mean = float(np.mean(list(own.values())))
         return {name: max(1.0 + share - mean, 0.0) for name, share in own.items()}
 
@@ -552,18 +552,17 @@ def _friction_by_chair(panel: LoadedPanel) -> list[Cause]:
         }
 
     def text(sizes: Sequence[float]) -> str:
-        known = shares(dict(zip(keys, sizes, strict=True)))
+        known = shares(dict(zip(keys, sizes, strict=False)))
         parts = [f"{round(100 * (known[names[0]] - 1.0)):+d}" for names in groups]
         return f"friction differs by {', '.join(parts)} % of its mean from toe to heel"
 
     found = Cause(
         name="friction by chair",
         text=text,
-        parameters=tuple(_linear(k, 0.9, "1", lower=-0.9, prior=CHAIR_SPREAD) for k in keys),
-        tries=(0.1,) * count,
+        parameters=tuple(_linear(k, 0.9, "1", lower=-0.9, prior=CHAIR_SPREAD) for k in keys[:-1]),
+        tries=(0.1,) * (count - 1),
         smooth=True,
         least=0.05,
-        about_mean=True,
         law=law,
     )
     return [found] if count > 1 else []

@@ -38,14 +38,14 @@ Floats = NDArray[np.float64]
 WORTH = {OBJECT_FORCE: 0.02}
 WORTH_DRIVE = 1.5e-3
 CLEARLY = 3.0
-# How many causes are taken up at most, and how many are fitted in turn until one is.
-MOST_CAUSES, ATTEMPTS = 3, 2
+# How many causes are taken up at most, and of how many choices the one that misses least.
+MOST_CAUSES, ATTEMPTS = 3, 3
 # How many are taken up in one fit at most.
 AT_ONCE = 2
 # The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
 # of that: with more noise, or with noise found again too early, it would stay where it is.
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
-# How often a fit with a cause goes on where it stopped before its end.
+# Rounds in which a fit with a cause goes on where it misses something.
 MOST_ROUNDS = 2
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
 # is begun: a model of something else could go on for long and still miss much.
@@ -53,6 +53,8 @@ MOST_THROWS = 600
 # What a fit with a cause may miss at most, as a share of what one without it does, and of what one
 # does whose cause is at its bound [-].
 LESS_MISSED, AS_WELL = 0.85, 1.05
+# How far movement effects usually are at most, in deviations of what was expected.
+USUAL = 3.0
 # What a cause says of its remedy, and what stands there where the map states a recorder already.
 STATE, BESIDE = (
     "state it in the channel map as",
@@ -223,14 +225,15 @@ def with_causes(
             if item.gain > DECISIVE and not item.cause.is_slight(item.sizes)
         ]
         good = [choice for choice in choices if choice[0].gain > DECISIVE]
-        fitted = _first_that_helps(found, first, one_of_alike(good)[:ATTEMPTS], is_spent)
+        fitted = _likeliest(found, first, one_of_alike(good)[:ATTEMPTS], is_spent)
         if fitted is None:
             break
         found, choice = _best_of_alike(found, first, fitted, good, is_spent)
         for item in choice:
             first = with_cause(first, item.cause)
         taken += choice
-        found = _continued(found, first)
+        if is_worth_a_search(found):
+            found = continued(found, first, rounds=MOST_ROUNDS)
         left = tuple(cause for cause in left if all(cause.goes_with(item.cause) for item in choice))
     # The likeliest of each name, where those that were taken up do not explain what it does.
     others = dict[str, TestedCause]()
@@ -307,35 +310,48 @@ def without_needless(
     )
 
 
-def _continued(found: Fit, first: Misfit) -> Fit:
-    """Go on with a fit that stopped on its way, before another cause is looked for."""
-    for _ in range(MOST_ROUNDS):
-        if found.converged or not is_worth_a_search(found, share=CLEARLY):
-            break
-        again = brief_fit(
+def continued(found: Fit, first: Misfit, *, rounds: int) -> Fit:
+    """Go on with a fit that misses something, as long as that helps.
+
+    With little of what is missed as noise: a model that lacks nothing leaves it.
+
+    Parameters
+    ----------
+    found : Fit
+        Where it goes on.
+    first : Misfit
+        With the noise of the measurement.
+    rounds : int
+        At most.
+    """
+    for _ in range(rounds):
+        before = missed_share(found)
+        found = brief_fit(
             replace(first, base=found.values), found, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS
         )
-        if missed_share(again) > LESS_MISSED * missed_share(found):
+        if missed_share(found) > LESS_MISSED * before or not is_worth_a_search(found):
             break
-        found = again
     return found
 
 
-def _first_that_helps(
+def _likeliest(
     found: Fit,
     first: Misfit,
     choices: Sequence[Sequence[TestedCause]],
     is_spent: Callable[[], bool],
 ) -> tuple[Fit, Sequence[TestedCause]] | None:
-    """Fit with the likeliest choices in turn until one makes the model miss less.
+    """Fit with each of the likeliest choices, and return the one with which the model misses least.
 
-    Brief fits first; where none helps, and much is missed, fits to their end.
+    Which it is shows only in what a fit with each still misses. One that comes later has to miss
+    clearly less; none is tried after one that leaves nothing to look for. Brief fits first; where
+    none helps, and much is missed, fits to their end.
     """
+    best: tuple[Fit, Sequence[TestedCause]] | None = None
     far = is_worth_a_search(found, share=CLEARLY)
     tries = [(choice, False) for choice in choices]
     tries += [(choice, True) for choice in reversed(choices) if far]
     for choice, thorough in tries:
-        if is_spent():
+        if is_spent() or (best and (thorough or not is_worth_a_search(best[0]))):
             break
         try:
             again = _fitted_with(found, first, choice, thorough=thorough)
@@ -344,9 +360,11 @@ def _first_that_helps(
                 choice, again = kept, _fitted_with(found, first, kept)
         except SolverError:
             continue
-        if kept and missed_share(again) <= LESS_MISSED * missed_share(found):
-            return again, choice
-    return None
+        if kept and missed_share(again) <= LESS_MISSED * missed_share(best[0] if best else found):
+            best = again, choice
+            if thorough:
+                break
+    return best
 
 
 def _best_of_alike(
@@ -411,12 +429,13 @@ def _fitted_with(
 ) -> Fit:
     """Fit all values together with causes, from where both are."""
     values, vary = dict(found.values), list(found.parameters)
-    effects, scatter = dict(found.misfit.effects), dict(found.misfit.comparison.scatter)
+    effects, scatter = _usual_effects(found, first), dict(found.misfit.comparison.scatter)
     misfit = first
     for item in choice:
         cause = item.cause
         if not cause.parameters:
-            effects = own_levels(found, next(iter(cause.scatter)).split(".")[1])
+            (level,) = cause.scatter
+            effects[level] = own_levels(found, level.split(".")[1])[level]
         values |= item.values
         vary += cause.parameters
         scatter |= cause.scatter
@@ -434,6 +453,20 @@ def _fitted_with(
         # What half a step of the solver moves is within the noise that causes are judged by.
         return fit(misfit, vary, values, near=start, refined=False)
     return brief_fit(misfit, start, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
+
+
+def _usual_effects(found: Fit, first: Misfit) -> dict[str, tuple[float, ...]]:
+    """Return movement effects as found, but none where one is further off than is usual.
+
+    It took up what the model lacks, and would hold what a cause should explain.
+    """
+    return {
+        name: tuple(
+            share if abs(share) <= USUAL * first.comparison.scatter.get(name, np.inf) else 0.0
+            for share in row
+        )
+        for name, row in found.misfit.effects.items()
+    }
 
 
 def cause_lines(
@@ -483,8 +516,6 @@ def is_needed(cause: Cause, final: Fit) -> bool:
     a = np.array(
         [item.coordinate(final.values[item.name]) - item.coordinate(item.start) for item in sized]
     )
-    if cause.about_mean:
-        a = a - a.mean()
     samples = effective_samples(final.frame.alignments, final.misfit.comparison)
     known = [n for n, item in enumerate(sized) if item.prior > 0.0]
     widths = np.array([sized[n].prior_width for n in known])

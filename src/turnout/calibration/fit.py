@@ -162,7 +162,7 @@ BRIEF_REJECTED = 4
 # Planes at the end of a fit at most, the predicted decrease for each parameter below which it is
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
 # step goes at most [reaches].
-SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 8, 0.3, 3, 10.0
+SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 16, 0.3, 3, 10.0
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
 # Relative change of the noise beyond which the fit is repeated with it [-].
@@ -269,38 +269,27 @@ def fit(
         inflated = replace(inflate_noise(misfit, parameters, values), effects=effects)
         found = _least_squares(inflated, parameters, values, rough=True, local=local)
         return replace(found, misfit=reestimate_noise(found, misfit))
-    iterations = 0
     first, misfit = misfit, replace(misfit, effects=effects)
-    known = refined and near is not None and not is_poor(near.misfit)
-    if near is not None and known:
+    if refined and near is not None and not is_poor(near.misfit):
         misfit = replace(misfit, comparison=noise_near(near.misfit, misfit.comparison))
         start = replace(near, misfit=misfit.refined(values), values=values, iterations=0)
-        found = smooth_end(start, first)
-        if found.converged and not is_poor(found.misfit):
-            return found
+        return smooth_end(start, first)
+    iterations = 0
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
-        poor = is_poor(misfit) if number else not known
+        poor = number == 0 or is_poor(misfit)
         if not refined or poor:
             misfit = replace(misfit, refinement=())
         elif not misfit.refinement:
             misfit = misfit.refined(values)
-        found = _least_squares(
-            misfit,
-            parameters,
-            values,
-            rough=False,
-            local=local,
-        )
+        found = _least_squares(misfit, parameters, values, rough=False, local=local)
         iterations += found.iterations
         values, local = found.values, found.local
         misfit = reestimate_noise(found, first)
-        if (number > 0 or known) and (poor or same_noise(found.misfit, misfit)):
+        if number > 0 and (poor or same_noise(found.misfit, misfit)):
             break
     found = replace(found, iterations=iterations)
-    if not refined or poor:
-        return found
-    return smooth_end(found, first)
+    return smooth_end(found, first) if refined and not poor else found
 
 
 @one_blas_thread()

@@ -8,12 +8,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.causes import (
-    CAUSE_STEPS,
     CLEARLY,
-    LEFT_MISSED,
-    LESS_MISSED,
+    continued,
     is_worth_a_search,
-    missed_share,
 )
 from turnout.calibration.comparison import align, predicted
 from turnout.calibration.evaluate import Response
@@ -328,15 +325,9 @@ def first_fit(start: Misfit, found: Fit) -> Fit:
         By plain throws at the values of a fit by quick ones, and with its slopes.
     """
     first = brief_fit(start, found, passes=1)
-    before = replace(first, local=replace(first.local, stepped={}))
-    for _ in range(FIRST_ROUNDS):
-        if not is_worth_a_search(first):
-            break
-        again = brief_fit(start, before, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
-        goes_on = missed_share(again) <= LESS_MISSED * missed_share(first)
-        first = before = again
-        if not goes_on:
-            break
+    if is_worth_a_search(first):
+        without_slopes = replace(first, local=replace(first.local, stepped={}))
+        first = continued(without_slopes, start, rounds=FIRST_ROUNDS)
     if not is_worth_a_search(first, share=CLEARLY):
         return first
     return _gone_to_its_end(start, found) or first
