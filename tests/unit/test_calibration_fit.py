@@ -17,7 +17,7 @@ from turnout.calibration.comparison import (
     missed_by_model,
     predicted,
 )
-from turnout.calibration.covariance import spread_of
+from turnout.calibration.covariance import moves_by, plain_gain_column, spread_of
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
@@ -133,30 +133,21 @@ def test_intervals_hold_the_truth_and_are_not_wide() -> None:
     assert all(18 <= count <= 20 for count in hits.values()), hits
 
 
-def test_a_gain_that_all_movements_share_widens_the_intervals_by_what_it_does() -> None:
+def test_a_gain_that_is_no_unknown_moves_the_values_as_foretold() -> None:
     measured = alike(8, seed=6)
     whole = misfit(measured)
     # Nothing else is uncertain, so that the parameters have to imitate the gain.
-    known, doubted = (
-        replace(
-            whole,
-            comparison=replace(
-                whole.comparison,
-                scatter={},
-                uncertainty=Uncertainty(gain=0.0, zero=0.01, common_gain=share),
-            ),
-        )
-        for share in (0.0, 1e-3)
+    uncertainty = Uncertainty(gain=0.0, zero=0.01)
+    known = replace(
+        whole, comparison=replace(whole.comparison, scatter={}, uncertainty=uncertainty)
     )
     found = _least_squares(known, PARAMETERS, TRUE, rough=False)
-    narrow = spread_of(found).coordinate_covariance
-    wide = spread_of(replace(found, misfit=doubted)).coordinate_covariance
-    added = np.sqrt(np.diag(wide - narrow))
+    foretold = moves_by(found, 1e-3 * plain_gain_column(found, ("drive_force", "1")))
     for item in measured:
         item.signals[0].values[:] *= 1.001
     moved = _least_squares(known, PARAMETERS, found.values, rough=False)
-    np.testing.assert_allclose(added, np.abs(moved.point - found.point), rtol=0.05)
-    assert added.min() > 2e-4
+    np.testing.assert_allclose(foretold, moved.point - found.point, rtol=0.05)
+    assert np.abs(foretold).min() > 2e-4
 
 
 def test_a_fit_begins_with_the_noise_of_what_it_misses() -> None:

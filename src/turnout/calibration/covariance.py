@@ -14,7 +14,7 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
 from turnout.calibration.measured_movements import is_of_object
 from turnout.calibration.misfit import shared_estimates
-from turnout.calibration.shared import GAIN, measured_at
+from turnout.calibration.shared import GAIN
 from turnout.calibration.stages import Parameter, prior_information
 from turnout.core.value_text import value_text
 
@@ -80,16 +80,8 @@ def force_channels(found: Fit) -> list[Key]:
     )
 
 
-def gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
-    """Return the change of the whitened residuals with a channel's sensitivity.
-
-    As `plain_gain_column`, with what movements share made independent too.
-    """
-    return found.frame.joined(plain_gain_column(found, key, source=source))
-
-
-def plain_gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Floats:
-    """Return the change of the residuals that are whitened movement by movement alone.
+def plain_gain_column(found: Fit, key: Key) -> Floats:
+    """Return the change of the residuals, whitened movement by movement alone, with a gain.
 
     Parameters
     ----------
@@ -97,21 +89,18 @@ def plain_gain_column(found: Fit, key: Key, *, source: Key | None = None) -> Flo
         At its end.
     key : tuple of str
         Channel and drive.
-    source : tuple of str, optional
-        Of what the channel takes up; default of itself.
 
     Returns
     -------
     ndarray, shape (n,)
-        For all of the source too much.
+        For all of its force too much.
     """
-    source = source or key
     rows = []
     for alignment in found.frame.alignments:
         row = np.zeros(alignment.measured.size)
-        for signal, bins, place in alignment.pieces:
+        for signal, _, place in alignment.pieces:
             if (signal.channel, signal.drive) == key:
-                row[place] = measured_at(alignment.movement, source, bins)
+                row[place] = alignment.measured[place]
         rows.append(alignment.whitened(row))
     return np.concatenate(rows)
 
@@ -152,7 +141,6 @@ def spread_of(found: Fit, *, of_panel: Sequence[Floats] = ()) -> Spread:
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
     whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     estimate = whole @ slopes.T
-    whole = whole + _of_sensitivities(found, estimate)
     for column in (*solver_columns(found), *of_panel):
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
@@ -383,28 +371,6 @@ def _scale_finding(found: Fit) -> list[str]:
         "may be off by as much instead, so intervals of forces and stiffnesses are wider; "
         "calibrate one channel (shunt or known load) and state its gain_uncertainty to know which"
     ]
-
-
-def _of_sensitivities(found: Fit, estimate: Floats) -> Floats:
-    """Return the covariance that gains and cross-talk add where no column of the fit has them.
-
-    Parameters
-    ----------
-    found : Fit
-        At its end.
-    estimate : ndarray, shape (p, n)
-        Change of the coordinates with the residuals.
-    """
-    comparison, channels = found.misfit.comparison, force_channels(found)
-    uncertainty = comparison.uncertainty
-    talk = 0.0 if comparison.cross_talk else uncertainty.cross_talk
-    moves = [
-        ((0.0 if key in comparison.gains else uncertainty.common_gain) if key == source else talk)
-        * (estimate @ gain_column(found, key, source=source))
-        for key in channels
-        for source in channels
-    ]
-    return np.asarray(sum((np.outer(move, move) for move in moves), np.zeros((len(estimate),) * 2)))
 
 
 def _correlations(parameters: Sequence[Parameter], whole: Floats, kept: Sequence[int]) -> list[str]:
