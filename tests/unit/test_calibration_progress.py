@@ -126,6 +126,6 @@ def test_the_first_fit_has_a_verdict(
     whole = misfit(alike(1, seed=2))
     (peak,) = peaks_of(whole.movements).values()
     far = {key: share * peak for key, share in missed.items()}
-    monkeypatch.setattr("turnout.calibration.causes._missing_more", lambda *_, **__: far)
+    monkeypatch.setattr("turnout.calibration.causes.missing_more", lambda *_, **__: far)
     found: Any = SimpleNamespace(misfit=whole)
     assert first_verdict(found, causes=causes, limit=limit).endswith(words)

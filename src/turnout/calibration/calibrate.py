@@ -19,7 +19,6 @@ from turnout.calibration.advice import (
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import (
     CAUSE_STEPS,
-    CLEARLY,
     CauseSearch,
     first_verdict,
     is_worth_a_search,
@@ -60,6 +59,7 @@ from turnout.calibration.sensors import (
     sensor_reasons,
     stated_gains,
 )
+from turnout.calibration.shared import CLEARLY
 from turnout.calibration.stages import (
     JOINT_MOVEMENTS,
     CalibrationPlan,

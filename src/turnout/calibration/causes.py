@@ -21,23 +21,25 @@ from turnout.calibration.cause_trials import (
     own_levels,
     with_cause,
 )
-from turnout.calibration.comparison import Key, peaks_of
+from turnout.calibration.comparison import peaks_of
 from turnout.calibration.evaluate import throws_done
 from turnout.calibration.fit import Fit, brief_fit, fit
-from turnout.calibration.measured_movements import OBJECT_FORCE, channel_name
+from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
-from turnout.calibration.shared import CLOCK, effective_samples, model_error
+from turnout.calibration.shared import (
+    CLEARLY,
+    CLOCK,
+    effective_samples,
+    missing_more,
+    model_error,
+)
 from turnout.calibration.stages import prior_slopes
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
-# Where a model misses less than this share of a channel's peak, no cause is looked for [-].
-WORTH = {OBJECT_FORCE: 0.02}
-WORTH_DRIVE = 1.5e-3
-CLEARLY = 3.0
 # How many causes are taken up at most, and of how many choices the one that misses least.
 MOST_CAUSES, ATTEMPTS = 3, 3
 # How many are taken up in one fit at most.
@@ -117,34 +119,7 @@ def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
         item.leaves and item.column.kind != CLOCK for item in found_sensors(found)
     ):
         return True
-    return bool(_missing_more(found, share=share))
-
-
-def _missing_more(found: Fit, *, share: float) -> dict[Key, float]:
-    """Return the channels that a model misses more of than so many times another solver [N]."""
-    comparison = found.misfit.comparison
-    return {
-        key: missed
-        for key, peak in peaks_of(found.misfit.movements).items()
-        for missed in [model_error(comparison, key)]
-        if missed
-        > share * max(WORTH.get(key[0], WORTH_DRIVE) * peak, 1.5 * comparison.noise[key].white)
-    }
-
-
-def unexplained_reasons(final: Fit) -> list[str]:
-    """Say where a model still clearly misses what no cause explains.
-
-    Values then take up a part of it. Intervals allow for an error that acts like noise, not for one
-    that a value can imitate.
-    """
-    peaks = peaks_of(final.misfit.movements)
-    return [
-        f"{channel_name(*key)}: misses {missed:.3g} N, {100 * missed / peaks[key]:.2g} % of the "
-        "peak, and no cause that was tried explains it; what it is may have changed the values by "
-        "more than their intervals say"
-        for key, missed in _missing_more(final, share=CLEARLY).items()
-    ]
+    return bool(missing_more(found.misfit.comparison, found.misfit.movements, share=share))
 
 
 def first_verdict(found: Fit, *, causes: bool, limit: float) -> str:
@@ -162,7 +137,7 @@ def first_verdict(found: Fit, *, causes: bool, limit: float) -> str:
     peaks = peaks_of(found.misfit.movements)
     missing = [
         f"{channel_name(*key)} misses {100 * missed / peaks[key]:.2g} %"
-        for key, missed in _missing_more(found, share=1.0).items()
+        for key, missed in missing_more(found.misfit.comparison, found.misfit.movements).items()
     ]
     if not missing:
         return "the first fit follows; fitting to the end"

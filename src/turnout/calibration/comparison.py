@@ -186,10 +186,6 @@ AGREEMENT, AGREEMENT_TIME = {OBJECT_FORCE: 1e-3}, 1.0
 # Rest before the onset, as the onset may have been found late [s].
 REST_END = -0.1
 LEAST_REST = 10
-# A model that misses more than this share of a channel's largest value is not of what was measured:
-# of drives 0.1 % are missed on twins, 3 % where the switch is free for a metre more. The blow on an
-# object is missed by 2 % by a model that is right to 0.1 % in all its values [-].
-MISSED, POOR = 0.02, {OBJECT_FORCE: 0.1}
 LONGEST = 2.0
 
 

@@ -36,7 +36,13 @@ from turnout.calibration.misfit import (
     remaining,
     slopes_of,
 )
-from turnout.calibration.shared import left_out, poorly_followed, shared_discrepancy, without_common
+from turnout.calibration.shared import (
+    CLEARLY,
+    left_out,
+    missing_more,
+    shared_discrepancy,
+    without_common,
+)
 from turnout.calibration.stages import (
     Parameter,
     coordinates,
@@ -624,7 +630,7 @@ def _remaining_series(found: Fit) -> dict[tuple[str, str, str], list[Floats]]:
 
 def is_poor(misfit: Misfit) -> bool:
     """Return whether a model misses too much for a trustworthy fit."""
-    return bool(poorly_followed(misfit.comparison, misfit.movements))
+    return bool(missing_more(misfit.comparison, misfit.movements, share=CLEARLY))
 
 
 def noise_near(near: Misfit, comparison: Comparison) -> Comparison:

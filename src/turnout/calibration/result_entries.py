@@ -13,8 +13,8 @@ from turnout.calibration.causes import (
     CauseSearch,
     cause_lines,
     ended_reasons,
-    unexplained_reasons,
 )
+from turnout.calibration.comparison import peaks_of
 from turnout.calibration.covariance import Spread, drift_finding, without_objects
 from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import (
@@ -31,7 +31,7 @@ from turnout.calibration.sensors import (
     prior_reasons,
     sensor_reasons,
 )
-from turnout.calibration.shared import model_error, poorly_followed
+from turnout.calibration.shared import CLEARLY, missing_more, model_error
 from turnout.calibration.stages import CalibrationPlan, Fitted, Parameter, Stage
 from turnout.calibration.starts import GridSearch
 from turnout.core.channels import SCHEMA_VERSION
@@ -125,12 +125,12 @@ def record_of(
 
 
 def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, ...]:
-    """Return the reasons not to trust values, each once."""
-    found = [*distrust_reasons(final, spread), *sensor_reasons(final)]
-    found += prior_reasons(final, causes)
-    named = [text.split(":")[0] for text in found]
-    found += [text for text in unexplained_reasons(final) if text.split(":")[0] not in named]
-    return tuple(found)
+    """Return the reasons not to trust values."""
+    return (
+        *distrust_reasons(final, spread),
+        *sensor_reasons(final),
+        *prior_reasons(final, causes),
+    )
 
 
 def _data_hash(movements: Sequence[MeasuredMovement]) -> str:
@@ -258,14 +258,17 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
                 f"{item.name} = {value} is at its bound: the best fit lies beyond; widen the "
                 "bound, or look for another cause"
             )
-    comparison = final.misfit.comparison
-    for key, share in poorly_followed(comparison, final.misfit.movements).items():
-        found.append(
-            f"{channel_name(*key)}: model error {model_error(comparison, key):.3g} N, "
-            f"{100 * share:.1f} % of the peak; check that this is the panel that was measured, "
-            "that rods and places are named right (channel map, run sheet), and the sensitivity "
-            "of the channel"
-        )
+    movements = final.misfit.movements
+    peaks = peaks_of(movements)
+    # Intervals allow for an error that acts like noise, not for one that a value can imitate.
+    found += [
+        f"{channel_name(*key)}: model error {missed:.3g} N, {100 * missed / peaks[key]:.2g} % of "
+        "the peak, and no cause that was tried explains it; what it is may have changed the values "
+        "by more than their intervals say: check that this is the panel that was measured, that "
+        "rods and places are named right (channel map, run sheet), and the sensitivity of the "
+        "channel"
+        for key, missed in missing_more(final.misfit.comparison, movements, share=CLEARLY).items()
+    ]
     return found
 
 

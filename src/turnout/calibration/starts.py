@@ -8,7 +8,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.calibration.causes import (
-    CLEARLY,
     continued,
     is_worth_a_search,
 )
@@ -23,6 +22,7 @@ from turnout.calibration.measured_movements import (
     thickness_name,
 )
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.shared import CLEARLY
 from turnout.calibration.stages import Parameter, coordinates, values_at
 from turnout.core.errors import SolverError
 
