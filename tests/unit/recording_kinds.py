@@ -491,6 +491,17 @@ NUMBERS: list[Kind] = [
      "Sample rate: 25 Hz\nCurrent\tForce\n" + "".join(
          f"{'' if n == 7 else CURRENT[n]}\t{f}\t\n" for n, f in enumerate(FORCE)),
      {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}),
+    ("numbers: notes in some rows, the first among them",
+     "Sample rate: 25 Hz\nNote\tValid\tSide\tForce\tCurrent\n" + "".join(
+         f"{'' if n % 3 else 'ok'}\tTRUE\tN\t{german(f)}\t{german(CURRENT[n])}\n"
+         for n, f in enumerate(FORCE)), BOTH),
+    *((f"numbers: more texts than numbers, parted by {mark}",
+       mark.join(("Sample rate: 25 Hz\nForce", "Side", "Valid", "Switch", "Current\n")) + "".join(
+         mark.join((german(f), "N", "TRUE", "W12", german(CURRENT[n]))) + "\n"
+         for n, f in enumerate(FORCE)), BOTH) for mark in ";|\t"),
+    ("numbers: a named column in front that is empty", "Empty;Time (s);Force;Current\n" + "".join(
+        f";{line}\n" for line in rows(";", time=seconds).splitlines()),
+     dict.fromkeys(("Empty", *BOTH), (25.0, 0.0))),
     ("numbers: an empty cell between blanks", "Time Current Force\n" + "".join(
         f"{n * STEP:6.2f}{'' if n == 7 else CURRENT[n]:8}{f:8}\n" for n, f in enumerate(FORCE)),
      ("line 9 has 2 of 3 cells", "write NaN")),

@@ -267,7 +267,7 @@ def _heading(
             continue
         if len(cells) < 3 and _LABEL_ALONE.match(cells[0]):
             continue
-        if first_empty and cells[0]:
+        if first_empty and cells[0] and not (whole and number == len(rows) - 1):
             continue
         unit_alone = whole and len(cells) == 1 and is_time_unit(tidy_unit(cells[0]))
         if unit_alone or max(width - 1, 2 if width > 1 else 1) <= len(cells) <= width + 1:
@@ -538,11 +538,13 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
                 continue
             cut = [[_UNIT.sub("", c) for c in cells] for cells in rows] if units else rows
             shares = [_share(cells, decimal) for cells in cut]
+            bare = [_share(cells, decimal) for cells in _without_texts(cut)]
+            shares = [b if b >= _GROUPED_WEIGHT else a for a, b in zip(shares, bare, strict=True)]
             widths = Counter(len(c) for c, share in zip(rows, shares, strict=True) if share >= 0.5)
             if not widths:
                 continue
             width = max(widths, key=lambda key: (widths[key], key))
-            row = _first_row(cut, shares, width, decimal)
+            row = _first_row(cut, [share >= 0.5 for share in shares], width, decimal)
             heading = [cells for cells in rows[:row] if cells]
             last = heading[-1] if heading else []
             whole = len(last) == width
@@ -560,6 +562,25 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
             if score > best_score:
                 best, best_score = (separator, decimal, row, width), score
     return best
+
+
+def _without_texts(rows: Sequence[Sequence[str]]) -> list[Sequence[str]]:
+    """Return rows with empty cells in the columns that hold texts in all but a tenth of them."""
+    usual = Counter(len(cells) for cells in rows if len(cells) > 2).most_common(1)
+    width = usual[0][0] if usual else 0
+    table = [cells for cells in rows if len(cells) == width]
+    held = [sum(map(_is_no_text, column)) for column in zip(*table, strict=True)]
+    kept = [10 * count > len(table) for count in held]
+    return [
+        [cell * keep for cell, keep in zip(cells, kept, strict=True)] if len(cells) == width
+        else cells for cells in rows
+    ]  # fmt: skip
+
+
+def _is_no_text(cell: str) -> bool:
+    """Return True for numbers, times and curves, and for what seems to be several cells."""
+    several = any(map(str.isdigit, cell)) and any(mark in cell for mark in ";,|\t")
+    return several or any(value_weight(cell, mark) for mark in ".,")
 
 
 def _are_numbers(cells: Sequence[str]) -> bool:
@@ -600,10 +621,10 @@ def value_weight(cell: str, decimal: str) -> float:
 
 
 def _first_row(
-    rows: Sequence[Sequence[str]], shares: Sequence[float], width: int, decimal: str
+    rows: Sequence[Sequence[str]], held: Sequence[bool], width: int, decimal: str
 ) -> int:
     """Return the first row of the table: the first as wide whose first filled cell is a value."""
-    fitting = [n for n, cells in enumerate(rows) if len(cells) == width and shares[n] >= 0.5]
+    fitting = [n for n, cells in enumerate(rows) if len(cells) == width and held[n]]
     unlabelled = [number for number in fitting if not rows[number][0]]
     labelled = [number for number in fitting if rows[number][0]]
     usual = unlabelled if len(unlabelled) > len(labelled) else labelled
@@ -618,10 +639,11 @@ def _first_row(
         return fitting[1]  # below the numbers of the columns
     for number in fitting:
         cells = rows[number]
-        if first == 1 and cells[0] and not kinds[0] and number != fitting[-1]:
+        labels = first == 1 and not kinds[0] and max(labelled, default=-1) < unlabelled[0]
+        if labels and cells[0] and number != fitting[-1]:
             continue  # a label above an empty first column
-        held = value_weight(cells[first], decimal) or curve_parts(cells[first], decimal)
-        if held or number == fitting[-1]:
+        value = value_weight(cells[first], decimal) or curve_parts(cells[first], decimal)
+        if value or number == fitting[-1]:
             return _with_gaps_above(rows, number, width, decimal)
     return fitting[0]
 
