@@ -75,10 +75,9 @@ def with_third_drive() -> LoadedPanel:
 def test_every_drive_has_its_inputs_and_no_other(panel: LoadedPanel, drives: list[str]) -> None:
     study = reference_study(panel, count=4)
     own = [name for name in switch_inputs(study) if name.startswith("drive.")]
+    each = ("stiffness.factor", "saturation_force.factor", "over_travel_closed")
     assert sorted(own) == sorted(
-        f"drive.{name}.{rest}"
-        for name in drives
-        for rest in ("stiffness.factor", "saturation_force.factor", "over_travel_closed")
+        [*(f"drive.{name}.{rest}" for name in drives for rest in each), "drive.rod_slope"]
     )
     scenario = study.scenario(3)
     changed = panel.with_overrides(dict(scenario.overrides))
@@ -102,6 +101,41 @@ def test_ends_of_the_motion_and_faces_lie_about_those_of_the_panel() -> None:
     sudden = reference_study(load_panel(DEFAULT, overrides={"movement.ramp": 0.0}))
     law = next(item.law for item in sudden.design.drawn if item.name == "movement.ramp")
     assert law.bounds == pytest.approx((0.0, 0.1))
+
+
+def test_rods_rise_about_those_of_the_panel() -> None:
+    rods = "drive.rod_slope"
+    own, bent = (
+        reference_study(load_panel(DEFAULT, overrides=changes), count=400)
+        for changes in ({}, {rods: 0.03})
+    )
+    values = drawn(own, rods, 400)
+    assert sorted(set(values)) == [-0.05, 0.0, 0.05]
+    assert (values == 0.0).mean() == pytest.approx(0.5, abs=0.06)
+    np.testing.assert_allclose(drawn(bent, rods, 400), values + 0.03, atol=1e-12)
+    thrown = own.panel.with_overrides(dict(own.scenario(0).overrides))
+    assert {drive.rod_slope for drive in thrown.drive.values()} == {values[0]}
+    unlike = reference_study(load_panel(DEFAULT, overrides={"drive.1.rod_slope": 0.03}))
+    assert rods not in unlike.variables
+    assert unlike.remarks == (f"panel {DEFAULT} has no number {rods}: it does not vary",)
+
+
+def test_rollers_scatter_about_those_of_the_panel_and_other_chairs_have_none() -> None:
+    """Whether a switch has them its owner knows: none appear where the panel has none."""
+    assert not any("roller" in name for name in reference_study(load_panel(DEFAULT)).variables)
+    lifts = {"chair.5.roller_lift": 1e-3, "chair.9.roller_lift": 2e-3}
+    study = reference_study(load_panel(DEFAULT, overrides=lifts), count=300)
+    thrown = [study.panel.with_overrides(dict(study.scenario(n).overrides)) for n in range(300)]
+    found = np.array([[panel.chair[name].roller_lift for name in "59"] for panel in thrown])
+    assert (found.min(), found.max()) == pytest.approx((0.8e-3, 2.4e-3), rel=0.02)
+    np.testing.assert_allclose(found[:, 1], 2.0 * found[:, 0], rtol=1e-12)
+    springs = np.log([panel.chair["5"].roller_stiffness / 5e5 for panel in thrown])
+    assert (springs.mean(), springs.std()) == pytest.approx((0.0, 0.1), abs=0.02)
+    assert thrown[0].chair["6"].roller_lift is None
+    assert {"chair.roller_lift.factor", "chair.roller_stiffness.factor"} < set(switch_inputs(study))
+    assert study_from_data(study_data(study)).digest == study.digest
+    usual = reference_study(count=300)
+    assert usual.design.drawn_values(7).items() < study.design.drawn_values(7).items()
 
 
 def test_a_fit_of_nothing_does_not_vary_and_that_is_said() -> None:

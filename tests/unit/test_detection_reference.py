@@ -20,7 +20,7 @@ def test_every_input_is_of_a_switch_or_of_a_throw() -> None:
     names = {*study.variables, *(field.name for field in study.fields)}
     assert set(PER_THROW) < names
     assert set(switch_inputs(study)) == names - set(PER_THROW)
-    assert len(switch_inputs(study)) == 13
+    assert len(switch_inputs(study)) == 14
 
 
 def test_fewer_states_are_the_first_of_many() -> None:
@@ -30,9 +30,10 @@ def test_fewer_states_are_the_first_of_many() -> None:
 
 def test_what_was_added_last_leaves_the_draws_of_the_others() -> None:
     design = reference_study(count=3).design
-    fewer = replace(design, drawn=design.drawn[:-2], copula=design.copula[:-2, :-2])
+    fewer = replace(design, drawn=design.drawn[:-3], copula=design.copula[:-3, :-3])
     before, after = fewer.drawn_values(2), design.drawn_values(2)
-    assert set(after) - set(before) == {"movement.ramp", "object_defaults.face_slope"}
+    added = {"movement.ramp", "object_defaults.face_slope", "drive.rod_slope"}
+    assert set(after) - set(before) == added
     assert {name: after[name] for name in before} == before
 
 

@@ -85,6 +85,7 @@ values = [2.0]
         ('key = "chair.friction_opening.2"\nvalues = [0.01]', "has no unit"),
         ('key = "drive.1.extension.2"\nvalues = ["1 mm"]', "is not given, so there is no item 2"),
         ('key = "chair.friction_factor.2"\nfactor = true\nvalues = [2.0]', "no value of this name"),
+        ('key = "chair.roller_lift"\nfactor = true\nvalues = [2.0]', "has no value that a factor"),
         ('key = "machine.sb4.clutch.torque"\nfactor = true\nvalues = [2.0]', "matches nothing"),
     ],
 )

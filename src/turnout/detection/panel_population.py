@@ -2,12 +2,16 @@
 
 The study file of the reference case says how much switches and throws scatter about its own panel.
 For another panel the scatter is the same and lies about the values of that panel: its closing
-over-travel, its stress-free position, its times. Each of its drives has the inputs of a drive. What
-the panel does not have as a number, such as a fit, or a stress-free position where the shape is
-typed, does not vary, and the remarks of the study say so.
+over-travel, its stress-free position, its times, its rods. Each of its drives has the inputs of a
+drive. What the panel does not have as one number, such as a fit, a stress-free position where the
+shape is typed, or rods of which each rises otherwise, does not vary, and the remarks of the study
+say so.
+
+Whether a switch has rollers its owner knows, and they halve the force: those of the panel scatter
+(`ROLLERS`), and a panel without has none.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +23,7 @@ from turnout.study.design import Drawn
 from turnout.study.distribution import Choice, Distribution
 from turnout.study.random_inputs import RandomField
 from turnout.study.study import Study
-from turnout.study.variable import TEMPERATURE_KEY, Variable
+from turnout.study.variable import TEMPERATURE_KEY, Variable, value_kind
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +35,7 @@ SCATTER = {
     "start": DIFFERENCE,
     "ramp": DIFFERENCE,
     "face_slope": DIFFERENCE,
+    "rod_slope": DIFFERENCE,
     "section_scale": SHARE,
     "lateral_inertia_scale": SHARE,
 }
@@ -42,6 +47,17 @@ BOUNDS = {
     "ramp": (0.0, np.inf),
 }
 """Bounds of values."""
+ROLLERS: Mapping[str, Distribution] = {
+    "chair.roller_lift": Distribution(
+        kind="uniform",
+        parameters={"minimum": 0.8, "maximum": 1.2},  # assumption: set by a gauge
+    ),
+    "chair.roller_stiffness": Distribution(
+        kind="lognormal",
+        parameters={"median": 1.0, "log_deviation": 0.1},  # assumption: springs of one type
+    ),
+}
+"""Factors on the rollers of a panel that has some, fixed for a switch, alike for all its chairs."""
 MIDDLES = ("minimum", "maximum", "mean", "median", "mode")
 """Parameters of distributions that are values, not spreads."""
 
@@ -88,11 +104,11 @@ def population_for(study: Study, panel: LoadedPanel) -> Study:
         variables[item.name] = replace(variable, key=key)
         laws.append(replace(item, law=_moved(item.law, variable.key, study.panel, panel)))
         columns.append(column)
-    for name in panel.drive:
-        if name not in study.panel.drive:
-            for variable, law in _of_further_drive(name, study, panel):
-                variables[variable.name] = variable
-                laws.append(Drawn(name=variable.name, law=law))
+    further = [name for name in panel.drive if name not in study.panel.drive]
+    added = [item for name in further for item in _of_further_drive(name, study, panel)]
+    for variable, law in (*added, *_of_rollers(panel)):
+        variables[variable.name] = variable
+        laws.append(Drawn(name=variable.name, law=law))
     _refuse_no_switch(panel, [f.key for f in study.fields if not _varies(panel, f.key)])
     copula = _copula(study.design.copula, columns, len(laws))
     design = replace(study.design, drawn=tuple(laws), copula=copula)
@@ -130,11 +146,11 @@ def drive_of(key: str) -> str | None:
     --------
     >>> drive_of("drive.2.stiffness"), drive_of("movement.return.extra_time.2")
     ('2', '2')
-    >>> drive_of("movement.return.start") is None
-    True
+    >>> drive_of("movement.return.start"), drive_of("drive.rod_slope")
+    (None, None)
     """
     parts = key.split(".")
-    if parts[0] == "drive":
+    if parts[0] == "drive" and len(parts) > 2:
         return parts[1]
     if parts[0] == "movement" and "extra_time" in parts:
         return parts[-1]
@@ -157,6 +173,8 @@ def _own_key(key: str, base: LoadedPanel, panel: LoadedPanel) -> str:
     return key
 
 
+RODS = "drive.rod_slope"
+"""Rise of all rods; where each rises otherwise, one number would level them."""
 SECOND_RAIL = "rail.second."
 """Of keys that a panel with one rail does not have."""
 
@@ -201,12 +219,14 @@ def _moved(
     """Return a law about the value of another panel, the same one where that is the same."""
     field = _field(key)
     old, new = _value(base, key), _value(panel, _own_key(key, base, panel))
-    if not field or not isinstance(law, Distribution) or old is None or new in (None, old):
+    if not field or old is None or new in (None, old):
         return law
     return _about(law, field, old, float(new or 0.0))
 
 
-def _about(law: Distribution, field: str, old: float, new: float) -> Distribution:
+def _about(law: Distribution | Choice, field: str, old: float, new: float) -> Distribution | Choice:
+    if isinstance(law, Choice):
+        return replace(law, values=tuple(float(value) + new - old for value in law.values))
     if SCATTER[field] == SHARE:
         return replace(law, parameters={name: v * new / old for name, v in law.parameters.items()})
     low, high = BOUNDS.get(field, (-np.inf, np.inf))
@@ -235,16 +255,29 @@ def _of_further_drive(
         )
         law, field = item.law, _field(key)
         old, new = _value(study.panel, variable.key), _value(panel, made.key)
-        if field and isinstance(law, Distribution) and old is not None and new is not None:
+        if field and old is not None and new is not None:
             law = _about(law, field, old, new)
         found.append((made, law))
     return found
 
 
+def _of_rollers(panel: LoadedPanel) -> list[tuple[Variable, Distribution]]:
+    """Return the inputs of the rollers of a panel, if it has any."""
+    if all(chair.roller_lift is None for chair in panel.chair.values()):
+        return []
+    kinds = {key: value_kind(panel, key, factor=True) for key in ROLLERS}
+    return [
+        (Variable(name=f"{key}.factor", key=key, kind=kinds[key], factor=True), law)
+        for key, law in ROLLERS.items()
+    ]
+
+
 def _varies(panel: LoadedPanel, key: str) -> bool:
-    """Return whether a panel has a number, or a list of them, that can vary."""
+    """Return whether a panel has one number, or a list of them, that can vary."""
     if key == TEMPERATURE_KEY or "extra_time" in key:  # may be given to any drive
         return True
+    if key == RODS:
+        return _value(panel, key) is not None
     try:
         values = panel.values_at(key).values()
     except PanelError:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from turnout.core.errors import PanelError
 from turnout.core.keys import VERSION, Key
 from turnout.core.lru_cache import SharedResults
 from turnout.core.problems import nearest
@@ -195,6 +196,11 @@ def apply_factors(
     dict
         Overrides of the panel by key, in SI.
 
+    Raises
+    ------
+    PanelError
+        When no member has a value to multiply; members without are left.
+
     Examples
     --------
     >>> from turnout.panel.load import load_panel
@@ -212,10 +218,19 @@ def apply_factors(
         changed = {}
         for full, broad, own in known[key]:
             before = result[full] if full in result else result.get(broad, own)
+            if before is None:  # such as the roller of a chair without one
+                continue
             changed[full] = before * factor if type(before) is float else _scaled(before, factor)
+        if not changed:
+            message = f'"{key}" has no value that a factor could multiply; give it under [set]'
+            raise PanelError([message])
         # One value for a whole family is written as one, unless a member has an own one already.
         alike = key not in changed and len(set(changed.values())) == 1
-        if alike and not any(full in result for full in changed):
+        if (
+            alike
+            and len(changed) == len(known[key])
+            and not any(full in result for full in changed)
+        ):
             changed = {key: next(iter(changed.values()))}
         result |= changed
     return result

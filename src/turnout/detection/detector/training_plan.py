@@ -38,7 +38,7 @@ SMALLEST, LIKELIEST, LARGEST = 1e-3, 6e-3, 31e-3
 CHANNELS = ("drive_force", "sensor_gap")
 SOUND, OBJECT, HISTORY = "sound", "object", "history"
 
-SLOW, BLOCK = ("section_scale", "lateral_inertia_scale"), 100
+SLOW, BLOCK = ("section_scale", "lateral_inertia_scale", "rod_slope"), 100
 """Inputs that need a new rail, which takes five times as long as a throw, and how many states in
 a row share one draw of them."""
 
