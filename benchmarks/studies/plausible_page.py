@@ -5,16 +5,12 @@ sizes seen at other frictions and the whole check of `turnout panel check`, is t
 panels of the study and kept in the folder; `--check N` bounds how many are checked, at 8 s each;
 `--study` leaves measurements to the panels of the study. Checked is what is shipped: the cases of
 the library study `plausible-panels`, whose values are rounded.
-
-Without FOLDER only the tables of the study's panels by machines are written: these need no
-matching.
 """
 
 import argparse
 import json
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +19,10 @@ import numpy as np
 from benchmarks.page import EVIDENCE, put
 from turnout.calibration.case import load_panel_or_case
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
-from turnout.calibration.matching.match import (
-    Matching,
-    Thrower,
-    farthest_points,
-    holds,
-    match_panel,
-    thrower_at,
-    with_machines,
-)
-from turnout.calibration.matching.measures import MEASURES
+from turnout.calibration.matching.match import Matching, match_panel, thrower_at
 from turnout.calibration.matching.survey import (
-    Floats,
     answer_rows,
+    chosen_as_written,
     combinations,
     fixed_direction,
     measurement_gains,
@@ -50,13 +37,10 @@ from turnout.metric.panel_check import (
     unusual_concerns,
 )
 from turnout.metric.stability import FACTORS, friction_stability
-from turnout.panel.load import LoadedPanel
 from turnout.throw.simulate import simulate
 
 PAGE = EVIDENCE / "plausible-panels.md"
 CHOSEN = 50
-MOST_DRAWS = 400
-"""Machines drawn for a panel at most."""
 FRICTIONS = (0.3, 0.4, 0.5)
 NEAR = 1.1
 """Gap at Drive 2 that parts the panels in which fact f holds from 0.3 on, as found [mm]."""
@@ -165,110 +149,6 @@ def further(folder: Path, facts: Facts, points: Any, *, checked: int) -> list[di
     return [known[json.dumps(list(point))] for point in points]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Machines:
-    """Machines with which a case of the library study meets the facts about currents.
-
-    Attributes
-    ----------
-    number, draws : int
-        Of the case; machines drawn until then, 0 where those of the facts file do.
-    panel : LoadedPanel
-        With them.
-    point : ndarray, shape (n_parameters,), optional
-        The last that was drawn, of which the values of machines count.
-    of_file, currents : list of float
-        The facts by the machines of the file and by these [A].
-    """
-
-    number: int
-    draws: int
-    panel: LoadedPanel
-    point: Floats | None
-    of_file: list[float]
-    currents: list[float]
-
-
-def about_currents(facts: Facts) -> tuple[Sum, ...]:
-    """Return the facts whose throws are by machines."""
-    return tuple(
-        item
-        for item in facts.facts
-        if any(MEASURES[term.measure].by_machines for term in item.terms)
-    )
-
-
-def allowed_machines(facts: Facts, number: int) -> Machines:
-    """Return the machines of the facts file, or else the first drawn that a case's facts allow.
-
-    Unknown values of machines act on currents alone: forces of facts are of the panel without.
-    They are drawn evenly, in hundredths of their ranges, by a seed of the case.
-
-    Raises
-    ------
-    LookupError
-        When none of `MOST_DRAWS` machines meets the facts.
-    """
-    panel, wanted = load_panel_or_case(f"plausible-panels:{number}"), about_currents(facts)
-    rng, of_file = np.random.default_rng([facts.seed, number]), list[float]()
-    for draws in range(MOST_DRAWS + 1):
-        point = rng.integers(101, size=len(facts.parameters)) / 100.0 if draws else None
-        machines = with_machines(facts, panel, point)
-        thrower = Thrower(panel, "quick", machines)
-        currents = [thrower.sum(fact, among=wanted) for fact in wanted]
-        of_file = of_file or currents
-        if all(map(holds, wanted, currents)):
-            return Machines(
-                number=number,
-                draws=draws,
-                panel=machines,
-                point=point,
-                of_file=of_file,
-                currents=currents,
-            )
-    message = f"panel {number}: none of {MOST_DRAWS} machines meets the facts"
-    raise LookupError(message)
-
-
-def machines_table(facts: Facts, found: list[Machines]) -> str:
-    """Return the panels that need other machines than those of the facts file."""
-    unknown = [
-        (number, item, *shown(item.unit))
-        for number, item in enumerate(facts.parameters)
-        if item.of_machine
-    ]
-    heads = [f"{item.name} [{unit}]" for _, item, unit, _ in unknown]
-    lines = [
-        "| case | 10 / 13 mm by the machine of the file [mA] | machines drawn | "
-        + " | ".join(heads)
-        + " | 10 / 13 mm by the last [mA] |",
-        "|---:" * (4 + len(heads)) + "|",
-    ]
-    for row in found:
-        if row.point is not None:
-            before, after = (
-                " / ".join(f"{1e3 * value:.1f}" for value in values)
-                for values in (row.of_file, row.currents)
-            )
-            values = [
-                f"{factor * float(item.value(row.point[number])):.4g}"
-                for number, item, _, factor in unknown
-            ]
-            cells = [str(row.number), before, str(row.draws), *values, after]
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def machine_parts(facts: Facts) -> dict[str, str]:
-    """Return the tables of the study's panels by machines."""
-    found = [allowed_machines(facts, number) for number in range(CHOSEN)]
-    values = np.array([row.currents for row in found])
-    return {
-        "machines": machines_table(facts, found),
-        "currents": answers_table(about_currents(facts), values),
-    }
-
-
 def whole_check(number: int) -> dict[str, Any]:
     """Return warnings of `turnout panel check` on a case of the library study, and growth rates.
 
@@ -334,21 +214,17 @@ def write(parts: dict[str, str]) -> None:
 
 
 def main() -> None:
-    """Write the tables of the study's panels by machines, and those of a complete matching."""
+    """Write the tables of a complete matching."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?")
+    parser.add_argument("folder", type=Path)
     parser.add_argument("--check", type=int, default=CHOSEN, metavar="N")
     parser.add_argument("--study", action="store_true")
     given = parser.parse_args()
-    folder: Path | None = given.folder
-    facts = load_facts("paper-facts")
-    write(machine_parts(facts))
-    if folder is None:
-        return
+    folder, facts = given.folder, load_facts("paper-facts")
     found = match_panel(facts, folder, count=0)
-    chosen = farthest_points(found.points, CHOSEN)
-    shows = survey(facts, found.points[chosen], folder)
-    rows = further(folder, facts, found.points[chosen], checked=given.check)
+    chosen = chosen_as_written(facts, found.points, CHOSEN, folder)
+    shows = survey(facts, chosen, folder)
+    rows = further(folder, facts, chosen, checked=given.check)
     parts = {
         "waves": waves_table(found),
         "ranges": ranges_table(facts, found.points),

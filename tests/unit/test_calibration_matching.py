@@ -1,5 +1,6 @@
 """History matching: emulators, regions, facts files, waves that resume, and what comes of them."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -7,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.studies.plausible_page import about_currents, allowed_machines
 from typer.testing import CliRunner
 
 from turnout.calibration.case import case_panel, load_panel_or_case
-from turnout.calibration.load_study import load_study
-from turnout.calibration.matching import match
+from turnout.calibration.load_study import load_study, study_from_file
+from turnout.calibration.matching import match, survey
 from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_facts, read_facts
 from turnout.calibration.matching.match import (
     Emulation,
     Thrower,
+    fact_values,
     farthest_points,
     fit_emulator,
     holds,
@@ -24,11 +25,17 @@ from turnout.calibration.matching.match import (
     match_panel,
     panel_at,
     plausible_points,
+    thrower_of_case,
     try_panel,
     with_machines,
 )
 from turnout.calibration.matching.measures import MEASURES
-from turnout.calibration.matching.survey import accepted_study, measurement_gains, ranges
+from turnout.calibration.matching.survey import (
+    accepted_study,
+    chosen_as_written,
+    measurement_gains,
+    ranges,
+)
 from turnout.cli.main import app
 from turnout.core.errors import FileError, StudyError
 from turnout.core.library import text_in_library
@@ -239,25 +246,36 @@ def test_the_page_holds_the_measures() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("number", range(50))
 def test_each_of_the_fifty_panels_meets_the_facts(number: int) -> None:
-    """As they are written; currents by the machines that the page on them says."""
+    """As they are written, with their own machines."""
     facts = load_facts("paper-facts")
-    machines = allowed_machines(facts, number).panel
-    thrower = Thrower(load_panel_or_case(f"plausible-panels:{number}"), by_machines=machines)
+    thrower = thrower_of_case(facts, load_study("plausible-panels"), number)
     missed = [
         fact.name for fact in facts.facts if not holds(fact, thrower.sum(fact, among=facts.facts))
     ]
     assert missed == []
 
 
-def test_machines_are_drawn_until_facts_about_currents_hold() -> None:
-    """Case 25 of the study meets them with the first machine drawn, case 0 without."""
-    facts = load_facts("paper-facts")
-    least = about_currents(facts)[0].least
-    drawn, of_file = (allowed_machines(facts, number) for number in (25, 0))
-    assert drawn.of_file[0] < least < min(drawn.currents)
-    assert (drawn.draws, of_file.draws, of_file.point) == (1, 0, None)
-    assert of_file.of_file == of_file.currents
-    assert drawn.panel.machine["jea73-drive2"].gear.efficiency != 0.9
+def test_panels_that_miss_a_fact_as_written_are_not_chosen(
+    toy: Facts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A friction of 0.1466 meets the bound and is written as 0.147, which does not."""
+    monkeypatch.setattr(survey, "DIGITS", 3)
+    points = np.array([[(friction - 0.1) / 0.5, 0.5, 0.0] for friction in (0.1466, 0.12, 0.14)])
+    bound = replace(toy.facts[0], least=-np.inf, most=try_panel(toy, points[0]).values[0])
+    facts = replace(toy, facts=(bound, *toy.facts[1:]))
+    assert all(try_panel(facts, point).accepted for point in points)
+    chosen = chosen_as_written(facts, points, 3, tmp_path)
+    lines = [json.loads(line) for line in (tmp_path / "written.jsonl").read_text().splitlines()]
+    assert [line["missed"] for line in lines].count("effort") == 1
+    assert len(chosen) == 2
+    text = accepted_study(facts, chosen, name="chosen")
+    study = study_from_file(parse_toml(text, source="chosen"))
+    for number in range(study.count):
+        values = dict(fact_values(facts, thrower_of_case(facts, study, number)))
+        assert all(holds(facts.facts[at], value) for at, value in values.items())
+        assert len(values) == len(facts.facts)
+    monkeypatch.setattr(survey, "_missed_as_written", None)  # what was thrown is kept
+    assert np.array_equal(chosen_as_written(facts, points, 3, tmp_path), chosen)
 
 
 def test_the_machines_of_the_paper_begin_together() -> None:
@@ -322,9 +340,14 @@ def test_currents_are_those_of_machines_and_forces_those_of_the_panel() -> None:
     assert worn.throws == 4
     assert worn.values[0] > 1.1 * sound.values[0] > 0.05  # less efficient: more current per newton
     assert worn.values[2] == sound.values[2]
-    assert (
-        "machine" not in accepted_study(facts, np.array([[0.5]]), name="s").split("[[together]]")[1]
+    study = study_from_file(
+        parse_toml(accepted_study(facts, np.array([[0.5]]), name="s"), source="s")
     )
+    thrower = thrower_of_case(facts, study, 0)
+    assert not thrower.panel.machine
+    assert thrower.by_machines is not None
+    assert thrower.by_machines.machine["jea73-drive2"].gear.efficiency == 0.8
+    assert thrower.by_machines.machine["jea73-drive2"].clutch.torque == 1.5
     wrong = TOY.replace('"plateau force"', '"closing current"').replace(" N", " mA")
     with pytest.raises(StudyError, match="give .machines."):
         read_facts(parse_toml(wrong, source="toy"))

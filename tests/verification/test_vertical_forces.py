@@ -111,3 +111,17 @@ def test_a_roller_carries_the_foot_before_the_plate_does() -> None:
     assert on_plate.min() > 0.0
     assert np.abs(friction) == pytest.approx(expected, rel=1e-6)
     assert float(abs(throw["energy_residual"]).max()) < 1e-6 * float(throw["work_markers"].max())
+
+
+def test_a_roller_below_the_plate_is_none_and_forces_rise_from_there() -> None:
+    """From where the plate yields as far rollers take over, at first as good as nothing."""
+    none = turnout.simulate(PANEL, mode="quick")["drive_force"]
+    below, reached, flush, above = (
+        float(abs(turnout.simulate(rolling, mode="quick")["drive_force"] - none).max())
+        for rolling in (
+            PANEL.with_overrides({"chair.roller_lift": lift}) for lift in (-1e-4, -2e-5, 0.0, 2e-5)
+        )
+    )
+    assert below < 0.1  # N; rounding, which feet that stick and slip enlarge
+    assert below < reached < 0.1 * flush
+    assert flush < above < 3.0 * flush

@@ -49,9 +49,9 @@ def match_command(
     """
     from turnout.calibration.matching.facts import load_facts
     from turnout.calibration.matching.match import match_panel, panel_workers
-    from turnout.calibration.matching.survey import survey
+    from turnout.calibration.matching.survey import chosen_as_written, survey
 
-    read = load_facts(facts)
+    read, chosen = load_facts(facts), None
     with (
         resumable("run the same command to continue"),
         watched("panels", quiet=output.quiet) as watch,
@@ -61,31 +61,33 @@ def match_command(
             read, folder, count=count, most=most, workers=processes, report=watch.sweep
         )
         shown = survey(read, found.points, folder, workers=processes, report=watch.sweep)
+        if output["study"] is not None:
+            chosen = chosen_as_written(
+                read, found.points, choose, folder, workers=processes, report=watch.sweep
+            )
     record = match_record(found, shown)
     output.show(*match_lines(found, shown.points, record))
-    _write(output, read, shown, choose=choose)
+    _write(output, read, shown.points, chosen)
     output.json(lambda: record)
 
 
-def _write(output: Output, facts: "Facts", shown: "Survey", *, choose: int) -> None:
-    from turnout.calibration.matching.match import farthest_points
+def _write(output: Output, facts: "Facts", points: "Floats", chosen: "Floats | None") -> None:
     from turnout.calibration.matching.survey import accepted_study, ranges
     from turnout.figures.pairs import plot_pairs
 
     study, plot = output["study"], output["plot"]
-    if study is not None and len(shown.points):
-        chosen = shown.points[farthest_points(shown.points, choose)]
+    if study is not None and chosen is not None and len(chosen):
         output.write(study, accepted_study(facts, chosen, name=study.stem))
-    if plot is not None and len(shown.points) > 2:
-        left = [item.left for item in ranges(facts, shown.points)]
+    if plot is not None and len(points) > 2:
+        left = [item.left for item in ranges(facts, points)]
         numbers = sorted(sorted(range(len(left)), key=left.__getitem__)[:MOST_PAIR_PARAMETERS])
         values, bounds = {}, {}
         for number in numbers:
             item = facts.parameters[number]
             name, factor = _axis(item.name, item.unit)
-            values[name] = factor * item.value(shown.points[:, number])
+            values[name] = factor * item.value(points[:, number])
             bounds[name] = (factor * item.minimum, factor * item.maximum)
-        title = f"{facts.name}: {len(shown.points)} panels within the stated ranges"
+        title = f"{facts.name}: {len(points)} panels within the stated ranges"
         output.figure(plot, plot_pairs, values, bounds=bounds, title=title)
 
 

@@ -351,10 +351,10 @@ class Chair(OnRails):
     )
     roller_lift: Length | None = Field(
         None,
-        ge=0,
+        ge=-0.02,
         le=0.02,
         description="height above the plate at which a roller on springs begins to carry the "
-        "unloaded foot [m]; default no roller",
+        "unloaded foot; where it is below, once the plate yields so far [m]; default no roller",
     )
     roller_stiffness: Stiffness = Field(
         5e5, gt=0, description="of the roller's spring a foot point [N/m]"

@@ -51,7 +51,7 @@ class FieldRecord(VariableRecord):
 class TogetherRecord(Record):
     """Several variables side by side: a list of cases."""
 
-    keys: list[str] = Field(min_length=2, description="what varies")
+    keys: list[str] = Field(min_length=1, description="what varies")
     factors: list[str] = Field(
         [],
         description="those of the keys whose values multiply the panel's instead of setting them",

@@ -18,7 +18,7 @@ Implausibility is as in history matching (Craig et al. 1997; Vernon et al. 2010,
 import gc
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -31,7 +31,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from turnout.calibration.matching.facts import Facts, Sum, Term
+from turnout.calibration.matching.facts import OF_MACHINES, Facts, Sum, Term
 from turnout.calibration.matching.measures import MEASURES, Thrown
 from turnout.core.errors import FileError, PanelError, StudyError, TurnoutError
 from turnout.core.kept_lines import append_line, claim_for, read_lines
@@ -41,6 +41,8 @@ from turnout.core.threads import one_blas_thread
 from turnout.core.workers import Workers
 from turnout.panel.foreign_object import ForeignObject, parse_object
 from turnout.panel.load import LoadedPanel, as_written
+from turnout.study.study import Study
+from turnout.study.variable import LABEL
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 
@@ -167,6 +169,20 @@ class Emulation:
             most=np.array([fact.most for fact in facts]),
         )
 
+    @property
+    def deepest(self) -> float:
+        """Implausibility half-way from the bounds to the middle of the narrowest fact.
+
+        Below it there may be no point, however plausible: then walkers end up at one place.
+        """
+        return float(-DEPTH * ((self.most - self.least) / self._scale).min())
+
+    @property
+    def _scale(self) -> Floats:
+        """Errors of the emulators, and what rounding leaves where they have none."""
+        floor = 1e-9 * (1.0 + np.abs(self.coefficients).sum(axis=0))
+        return np.asarray(np.maximum(self.error, floor))
+
     def implausibility(self, points: Floats) -> Floats:
         """Return the largest distance to a bound, in errors of its emulator, shape (n,).
 
@@ -174,8 +190,7 @@ class Emulation:
         """
         predicted = monomials(points) @ self.coefficients
         beyond = np.maximum(self.least - predicted, predicted - self.most)
-        floor = 1e-9 * (1.0 + np.abs(predicted).max(axis=0))
-        return np.asarray((beyond / np.maximum(self.error, floor)).max(axis=1))
+        return np.asarray((beyond / self._scale).max(axis=1))
 
 
 def latin_hypercube(count: int, dimensions: int, *, rng: np.random.Generator) -> Floats:
@@ -258,10 +273,8 @@ def _walk(
     for _ in range(steps):
         size = length * np.exp(rng.normal(size=(count, 1)))
         trial = walkers + size * (rng.normal(size=(count, dimensions)) @ root.T)
-        within = ((trial >= 0.0) & (trial <= 1.0)).all(axis=1)
-        found = np.full(count, np.inf)
-        if within.any():
-            found[within] = emulation.implausibility(trial[within])
+        trial = np.abs((trial + 1.0) % 2.0 - 1.0)  # reflected at the ends of the ranges
+        found = emulation.implausibility(trial)
         moved = found <= level
         walkers = np.where(moved[:, np.newaxis], trial, walkers)
         values = np.where(moved, found, values)
@@ -415,12 +428,31 @@ def thrower_at(facts: Facts, point: Floats, mode: Mode = "quick") -> Thrower:
     PanelError
         When its values contradict each other.
     """
-    panel = panel_at(facts, point)
-    return Thrower(panel, mode, with_machines(facts, panel, point) if facts.machines else None)
+    panel, values = panel_at(facts, point), facts.overrides(point, of_machines=True)
+    return Thrower(panel, mode, with_machines(facts, panel, values) if facts.machines else None)
 
 
-def with_machines(facts: Facts, panel: LoadedPanel, point: Floats | None = None) -> LoadedPanel:
-    """Return a panel with the machines of the facts, their unknown values at a point if any.
+def thrower_of_case(facts: Facts, study: Study, number: int, mode: Mode = "quick") -> Thrower:
+    """Return the throws of a case of a study of accepted panels, and of the machines it labels.
+
+    Raises
+    ------
+    PanelError
+        When values of the machines do not go with the panel.
+    """
+    scenario = study.scenario(number)
+    panel = as_written(study.panel.with_overrides(scenario.overrides))
+    if not facts.machines:
+        return Thrower(panel, mode)
+    labels = {name.removeprefix(LABEL): value for name, value in scenario.inputs.items()}
+    given = [f"{key}={value}" for key, value in labels.items() if key.startswith(OF_MACHINES)]
+    return Thrower(panel, mode, as_written(with_machines(facts, panel).with_settings(given)))
+
+
+def with_machines(
+    facts: Facts, panel: LoadedPanel, values: Mapping[str, object] | None = None
+) -> LoadedPanel:
+    """Return a panel with the machines of the facts, and with values of these by key [SI] if any.
 
     Raises
     ------
@@ -428,9 +460,7 @@ def with_machines(facts: Facts, panel: LoadedPanel, point: Floats | None = None)
         When the values of the machines do not go with the panel.
     """
     machines = panel.with_overrides(dict(facts.machines), si=False)
-    if point is not None:
-        machines = machines.with_overrides(facts.overrides(point, of_machines=True))
-    return as_written(machines)
+    return as_written(machines.with_overrides(values) if values else machines)
 
 
 def is_valid(facts: Facts, point: Floats) -> bool:
@@ -465,16 +495,8 @@ def try_panel(
     thrower: Thrower | None = None
     try:
         thrower = thrower_at(facts, point, mode)
-        for late in (False, True):
-            chosen = in_order(facts, late=late)
-            among = tuple(facts.facts[number] for number in chosen)
-            allowed = 1 if late else failures or len(chosen)
-            for number in chosen:
-                values[number] = thrower.sum(facts.facts[number], among=among)
-                if _failed(facts, values, chosen) >= allowed:
-                    break
-            if _failed(facts, values, chosen):
-                break
+        for number, value in fact_values(facts, thrower, failures=failures):
+            values[number] = value
     except TurnoutError as error:
         fault = str(error).splitlines()[0]
         if thrower is None and isinstance(error, PanelError):
@@ -488,6 +510,25 @@ def try_panel(
     )
 
 
+def fact_values(
+    facts: Facts, thrower: Thrower, *, failures: int | None = None
+) -> Iterator[tuple[int, float]]:
+    """Yield the numbers of facts and their values [SI], in the order of `try_panel`."""
+    failed = 0
+    for late in (False, True):
+        chosen = in_order(facts, late=late)
+        among = tuple(facts.facts[number] for number in chosen)
+        allowed = 1 if late else failures or len(chosen)
+        for number in chosen:
+            value = thrower.sum(facts.facts[number], among=among)
+            failed += not holds(facts.facts[number], value)
+            yield number, value
+            if failed >= allowed:
+                break
+        if failed:
+            break
+
+
 def in_order(facts: Facts, *, late: bool) -> list[int]:
     """Return the numbers of facts in the order in which they are tried: cheap ones first."""
     chosen = [number for number, fact in enumerate(facts.facts) if fact.late is late]
@@ -499,12 +540,6 @@ def _cost(fact: Sum) -> tuple[int, bool]:
     throws = {term.throw for term in fact.terms}
     further = {term: MEASURES[term.measure].cost - 1 for term in fact.terms}
     return len(throws) + sum(further.values()), throws != {("", (), False)}
-
-
-def _failed(facts: Facts, values: Floats, chosen: list[int]) -> int:
-    """Return how many of some facts were tried and do not hold."""
-    tried = [number for number in chosen if np.isfinite(values[number])]
-    return sum(not holds(facts.facts[number], values[number]) for number in tried)
 
 
 def holds(fact: Sum, value: float) -> bool:
@@ -521,6 +556,8 @@ SPARE = 4
 """Times the points of a wave that are drawn at most, to have enough whose values go together."""
 FAR = 3.0
 """Values further from a bound than so many times the usual distance are taken as that far."""
+DEPTH = 0.25
+"""Share of the width of the narrowest fact that a cut-off lies within its bounds at most."""
 FAILURES = 2
 """After the first wave, facts that fail until the rest is not tried."""
 HEAD, TRIED = "match.json", "tried.jsonl"
@@ -633,7 +670,7 @@ def _points(facts: Facts, before: list[TriedPanel], wave: int) -> tuple[Floats, 
         emulation,
         SPARE * WAVE,
         start=np.array(known).reshape(-1, len(facts.parameters)),
-        limit=CUT_OFFS[min(wave, len(CUT_OFFS)) - 1],
+        limit=max(CUT_OFFS[min(wave, len(CUT_OFFS)) - 1], emulation.deepest),
         rng=rng,
     )
     valid: list[Floats] = []

@@ -11,13 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from turnout.calibration.matching.facts import Facts, Sum
-from turnout.calibration.matching.match import panel_facts, panel_workers, thrower_at
+from turnout.calibration.load_study import study_from_file
+from turnout.calibration.matching.facts import Facts, Sum, UnknownValue
+from turnout.calibration.matching.match import (
+    fact_values,
+    farthest_points,
+    holds,
+    panel_facts,
+    panel_workers,
+    thrower_at,
+    thrower_of_case,
+)
+from turnout.core.errors import TurnoutError
 from turnout.core.json_files import to_plain
 from turnout.core.kept_lines import append_line, read_lines
 from turnout.core.progress import Pace, Report
 from turnout.core.provenance import content_hash
+from turnout.core.toml import parse_toml
 from turnout.core.workers import Workers
+from turnout.study.variable import LABEL
 
 Floats = NDArray[np.float64]
 
@@ -245,24 +257,26 @@ def accepted_study(facts: Facts, points: Floats, *, name: str) -> str:
     name : str
         Of the study.
     """
-    of_panel = [item for item in facts.parameters if not item.of_machine]
-    units = {key: unit for parameter in of_panel for key, unit in _keys(facts, parameter)}
+    units = {key: unit for parameter in facts.parameters for key, unit in _keys(facts, parameter)}
     keys = list(units)
     rows = []
     for point in points:
-        values: dict[str, Any] = {}
+        values: dict[str, Any] = dict(facts.overrides(point))
         for parameter, share in zip(facts.parameters, point, strict=True):
-            if parameter.of_machine:
-                continue
             value = float(parameter.value(np.asarray(share)))
-            if parameter.apply == "multiply":
-                values |= dict.fromkeys(parameter.keys, value)
-            values |= dict.fromkeys(parameter.complement, 1.0 - value)
-        given = {key: item for key, item in facts.overrides(point).items() if key in units}
-        values = given | values
-        rows.append(f"    [{', '.join(_written(values[key], units[key]) for key in keys)}],")
-    factors = [key for item in of_panel if item.apply == "multiply" for key in item.keys]
-    ranges = "\n".join(f"# {line}" for line in _range_lines(facts))
+            if parameter.of_machine or parameter.apply == "multiply":
+                values |= dict.fromkeys((key for key, _ in _keys(facts, parameter)), value)
+        rows.append(f"    [{', '.join(_written(key, values[key], units[key]) for key in keys)}],")
+    factors = [
+        key
+        for item in facts.parameters
+        if item.apply == "multiply" and not item.of_machine
+        for key in item.keys
+    ]
+    lines = _range_lines(facts)
+    if any(item.of_machine for item in facts.parameters):
+        lines.append("Labels are values of machines, for throws by these; the panel has none.")
+    ranges = "\n".join(f"# {line}" for line in lines)
     return f"""\
 # {len(points)} panels that meet the facts of {facts.name}, found by `turnout panel match`.
 # Their spread is conditional on the structure of {facts.panel.name} and on these ranges:
@@ -288,8 +302,10 @@ rows = [
 """
 
 
-def _keys(facts: Facts, parameter: Any) -> list[tuple[str, str]]:
-    """Return the keys that a parameter sets in a study, with their units."""
+def _keys(facts: Facts, parameter: UnknownValue) -> list[tuple[str, str]]:
+    """Return the keys that a parameter has in a study, with their units; labels of machines."""
+    if parameter.of_machine:
+        return [(f"{LABEL}{key}", parameter.unit) for key in parameter.keys]
     if parameter.apply == "add":
         point = np.full(len(facts.parameters), 0.5)
         found = [
@@ -310,9 +326,11 @@ def _list(items: Sequence[str]) -> str:
     return "[\n" + "".join(f"    {json.dumps(item)},\n" for item in items) + "]"
 
 
-def _written(value: Any, unit: str) -> str:
+def _written(key: str, value: Any, unit: str) -> str:
     text = f"{float(value):.{DIGITS}g}"
-    return f'"{text} {unit}"' if unit else (text if "." in text or "e" in text else f"{text}.0")
+    if unit or key.startswith(LABEL):
+        return f'"{text} {unit}"' if unit else f'"{text}"'
+    return text if "." in text or "e" in text else f"{text}.0"
 
 
 def _range_lines(facts: Facts) -> list[str]:
@@ -322,6 +340,75 @@ def _range_lines(facts: Facts) -> list[str]:
         f" ({item.origin or 'no origin given'})"
         for item in facts.parameters
     ]
+
+
+WRITTEN = "written.jsonl"
+
+
+def chosen_as_written(
+    facts: Facts,
+    points: Floats,
+    count: int,
+    folder: Path,
+    *,
+    workers: int | Workers = 1,
+    report: Report | None = None,
+) -> Floats:
+    """Return accepted panels that lie far from each other and meet all facts as a study has them.
+
+    Where feet vibrate a fact may hang on the last digit, and a study has `DIGITS`. So each chosen
+    panel is thrown once more as it would be written; for those that miss a fact others are chosen.
+
+    Parameters
+    ----------
+    facts : Facts
+        What must hold.
+    points : ndarray, shape (n, n_parameters)
+        Accepted panels.
+    count : int
+        Panels wanted; fewer are returned where no more meet the facts.
+    folder : Path
+        Of the matching; keeps which were thrown.
+    workers : int or Workers
+        Processes, as of `match_panel`.
+    report : callable, optional
+        Called after every panel.
+    """
+    missed = {line["place"]: line["missed"] for line in read_lines(folder / WRITTEN)}
+    places, pace = _places(facts, points), Pace(report)
+    with panel_workers(facts, workers) as processes:
+        while True:
+            left = [at for at, place in enumerate(places) if not missed.get(place)]
+            chosen = [left[at] for at in farthest_points(points[left], count)] if left else []
+            untried = [at for at in chosen if places[at] not in missed]
+            if not untried:
+                return points[chosen]
+            stage = f"panels as written, {len(chosen) - len(untried)} of {count} meet all facts"
+            pace.begin(stage, len(untried))
+            jobs = [partial(_missed_as_written, points[at]) for at in untried]
+            for number, fact in processes.run(jobs):
+                place = places[untried[number]]
+                missed[place] = fact
+                append_line(folder / WRITTEN, {"place": place, "missed": fact})
+                pace.count(stage, failed=bool(fact))
+
+
+def _places(facts: Facts, points: Floats) -> list[str]:
+    return [content_hash([facts.digest, list(map(float, point))]) for point in points]
+
+
+def _missed_as_written(point: Floats) -> str:
+    """Return the first fact that a panel misses as a study has it, or why its throw failed."""
+    facts = panel_facts()
+    text = accepted_study(facts, point[np.newaxis], name="written")
+    try:
+        thrower = thrower_of_case(facts, study_from_file(parse_toml(text, source="written")), 0)
+        for number, value in fact_values(facts, thrower, failures=1):
+            if not holds(facts.facts[number], value):
+                return facts.facts[number].name
+    except TurnoutError as error:
+        return str(error).splitlines()[0]
+    return ""
 
 
 SURVEYED = "surveyed.jsonl"
@@ -380,7 +467,7 @@ def survey(
         for line in read_lines(folder / SURVEYED)
         if line.get("key") == key
     }
-    places = [content_hash([facts.digest, list(map(float, point))]) for point in points]
+    places = _places(facts, points)
     missing = {place: at for at, place in enumerate(places) if place not in known}
     pace = Pace(report)
     pace.begin(STAGE, len(places), there=len(places) - len(missing))
