@@ -315,6 +315,11 @@ TIMES: list[Kind] = [
      "Time 1 (s),Force [kN],Time 2 (s),Current [A]\n" + "".join(
          f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),
      {"Force": (25.0, 0.0), "Current": (25.0, 1.5)}),
+    *((f"time: {one} and {two}, which leaves a row out", f"{one},Force,{two},Current\n" + "".join(
+        f"{n * STEP:.2f},{f},"
+        + (f"{(n + (n > 3)) * STEP + 1.5:.2f},{CURRENT[n + (n > 3)]}\n" if n < 7 else ",\n")
+        for n, f in enumerate(FORCE)), {"Force": (25.0, 0.0), "Current": (25.0, 1.5)})
+      for one, two in (("t1 (s)", "t2 (s)"), ("t", "t2"), ("Time F [s]", "Time I [s]"))),
     ("time: two starts",
      "Time (s),Force [kN],Time (s),Current [A]\n" + "".join(
          f"{n * STEP:.2f},{FORCE[n]},{n * STEP + 1.5:.2f},{CURRENT[n]}\n" for n in range(COUNT)),

@@ -373,9 +373,11 @@ def _name_axes(table: Table) -> None:
         given = values[: count_filled(values)]
         letter, timed = len(squeezed(column.name)) == 1, is_time_unit(column.unit)
         even = rises_evenly(given)
-        rises, another = place == 0 and even, even and _is_another_time(table, place)
+        rises = place == 0 and even
+        another = (even or _has_holes(given)) and _is_another_time(table, place)
         word = is_time_word(column.name) or (column.name == "s" and _names_units(table))
-        named = is_time_name(column.name) or (rises and word)
+        bare = column.name.rstrip("0123456789 _") if timed else column.name
+        named = is_time_name(bare) or (rises and word)
         by_unit = timed and (rises or is_abscissa_name(column.name))
         beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
         if (
@@ -405,6 +407,15 @@ def _name_axes(table: Table) -> None:
             table.axes[0] = TimeAxis(table.values.pop(0))
             if single is None:
                 table.problems.append("column 1 rises evenly and is taken for the time [s]")
+
+
+def _has_holes(values: Floats) -> bool:
+    """Return True if most steps of numbers that rise are alike, and others longer."""
+    steps = np.diff(values)
+    if not steps.size or np.any(steps <= 0):
+        return False
+    typical = float(np.median(steps))
+    return bool(np.mean(np.abs(steps - typical) <= 0.25 * typical) > 0.7)
 
 
 def _names_units(table: Table) -> bool:
