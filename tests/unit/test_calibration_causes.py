@@ -16,7 +16,6 @@ from turnout.calibration.causes import (
     _best_of_alike,
     _fitted_with,
     _likeliest,
-    _usual_effects,
     cause_lines,
     is_needed,
     is_worth_a_search,
@@ -347,13 +346,6 @@ def test_of_several_choices_the_one_with_which_clearly_least_is_missed_is_taken(
     assert taken(2) == ""
     # Thoroughly then, from the last.
     assert tried == ["first", "alike", "alike", "first"]
-
-
-def test_what_a_movement_took_up_for_the_lack_of_a_cause_is_not_gone_on_with() -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(0)) for _ in range(3)])
-    found = fit(whole, PARAMETERS, TRUE, rough=True)
-    own = replace(found, misfit=replace(found.misfit, effects={"mu": (0.03, -0.2, -0.05)}))
-    assert _usual_effects(own, whole) == {"mu": (0.03, 0.0, -0.05)}
 
 
 def test_movements_that_do_not_slip_keep_the_common_level() -> None:

@@ -19,7 +19,7 @@ from tests.unit.test_calibration_fit import (
 
 from turnout.calibration import evaluate
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs, throw_processes
-from turnout.calibration.fit import update_movement_effects
+from turnout.calibration.fit import fit, sought_effects, update_movement_effects
 from turnout.calibration.linearisation import leaders_of
 from turnout.calibration.misfit import Misfit, framed, jacobian
 from turnout.core.errors import SolverError
@@ -99,6 +99,32 @@ def test_only_movements_whose_friction_changed_are_thrown_again() -> None:
     changed, _, _ = update_movement_effects(whole, local, ("k",), passes=1)
     assert changed.effects["mu"][0] == changed.effects["mu"][2] == 0.0
     assert changed.effects["mu"][1] == pytest.approx(0.03, abs=0.005)
+
+
+class Sticking(MadeUp):
+    """Far from its own friction a movement sticks elsewhere: a wave that hides the way back."""
+
+    def responses(self, throws: Sequence[ThrowInputs]) -> list[Response]:
+        found = []
+        for throw, item in zip(throws, super().responses(throws), strict=True):
+            off = abs(float(str(throw.overrides["mu"])) / TRUE["mu"] - 1.0) > 0.05
+            wave = 300.0 * off * np.sin(9.0 * item.time)
+            found.append(replace(item, drive_force={"1": item.drive_force["1"] + wave}))
+        return found
+
+
+def test_a_movement_that_stands_out_is_thrown_with_other_values_of_its_own() -> None:
+    whole = repeats(4)
+    whole.evaluator = Sticking(load_panel("sb1"))
+    found = fit(whole, PARAMETERS, TRUE, rough=True)
+    assert sought_effects(found)["mu"] == found.misfit.effects["mu"]
+    effects = {"mu": (0.0, 0.0, 0.15, 0.0)}
+    misfit = replace(found.misfit, effects=effects)
+    local = replace(found.local, simulated=tuple(misfit.responses([found.values])[0]))
+    held = replace(found, misfit=misfit, local=local, frame=framed(local, misfit))
+    own = sought_effects(held)["mu"]
+    assert (own[0], own[1], own[3]) == (0.0, 0.0, 0.0)
+    assert abs(own[2]) <= 0.02
 
 
 def test_finely_meshed_throws_of_a_place_go_to_one_process_and_first() -> None:

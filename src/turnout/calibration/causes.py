@@ -23,7 +23,7 @@ from turnout.calibration.cause_trials import (
 )
 from turnout.calibration.comparison import peaks_of
 from turnout.calibration.evaluate import throws_done
-from turnout.calibration.fit import Fit, brief_fit, fit
+from turnout.calibration.fit import Fit, brief_fit, fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
@@ -55,8 +55,6 @@ MOST_THROWS = 600
 # What a fit with a cause may miss at most, as a share of what one without it does, and of what one
 # does whose cause is at its bound [-].
 LESS_MISSED, AS_WELL = 0.85, 1.05
-# How far movement effects usually are at most, in deviations of what was expected.
-USUAL = 3.0
 # What a cause says of its remedy, and what stands there where the map states a recorder already.
 STATE, BESIDE = (
     "state it in the channel map as",
@@ -404,7 +402,7 @@ def _fitted_with(
 ) -> Fit:
     """Fit all values together with causes, from where both are."""
     values, vary = dict(found.values), list(found.parameters)
-    effects, scatter = _usual_effects(found, first), dict(found.misfit.comparison.scatter)
+    effects, scatter = dict(found.misfit.effects), dict(found.misfit.comparison.scatter)
     misfit = first
     for item in choice:
         cause = item.cause
@@ -427,21 +425,12 @@ def _fitted_with(
     if thorough:
         # What half a step of the solver moves is within the noise that causes are judged by.
         return fit(misfit, vary, values, near=start, refined=False)
+    again = brief_fit(misfit, start, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
+    own = sought_effects(again)
+    if own == again.misfit.effects:
+        return again
+    start = replace(again, misfit=replace(again.misfit, effects=own))
     return brief_fit(misfit, start, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
-
-
-def _usual_effects(found: Fit, first: Misfit) -> dict[str, tuple[float, ...]]:
-    """Return movement effects as found, but none where one is further off than is usual.
-
-    It took up what the model lacks, and would hold what a cause should explain.
-    """
-    return {
-        name: tuple(
-            share if abs(share) <= USUAL * first.comparison.scatter.get(name, np.inf) else 0.0
-            for share in row
-        )
-        for name, row in found.misfit.effects.items()
-    }
 
 
 def cause_lines(

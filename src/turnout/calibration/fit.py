@@ -17,7 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from turnout.calibration.comparison import Comparison, Key, compared, missed_by_model, predicted
+from turnout.calibration.comparison import (
+    Comparison,
+    Key,
+    align,
+    compared,
+    missed_by_model,
+    predicted,
+)
 from turnout.calibration.evaluate import Response
 from turnout.calibration.linearisation import (
     REACH,
@@ -145,6 +152,53 @@ def _where_further(
         )
         for name in found
     }
+
+
+# A movement stands out whose residuals are so many times those of half of them; its own values that
+# are then tried, in deviations that are expected [-].
+STANDS_OUT, OWN_TRIES = 3.0, (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+
+
+def sought_effects(found: "Fit") -> dict[str, tuple[float, ...]]:
+    """Return movement effects, those of movements that stand out where a throw misses least.
+
+    Over its own friction the misfit of a movement has several minima where a drive has play or a
+    rail sticks: one that took up what the model lacked is held there.
+
+    Parameters
+    ----------
+    found : Fit
+        With all values near their end.
+    """
+    misfit, effects = found.misfit, dict(found.misfit.effects)
+    rows = [
+        item.whitened(item.measured - item.reduced(response))
+        for item, response in zip(found.frame.alignments, found.local.simulated, strict=True)
+    ]
+    sizes = np.array([np.sqrt(np.mean(row**2)) for row in rows])
+    for number in np.flatnonzero(sizes > STANDS_OUT * np.median(sizes)).tolist():
+        one = misfit.of([number])
+        for p in (item for item in misfit.parameters if item.scatter > 0.0):
+            tried = [misfit.effect(p.name, number), *(p.scatter * size for size in OWN_TRIES)]
+            costs = [
+                _own_cost(replace(one, effects={**one.effects, p.name: (share,)}), found.values)
+                + (share / p.scatter) ** 2
+                for share in tried
+            ]
+            row = list(effects.get(p.name, (0.0,) * len(rows)))
+            row[number] = tried[int(np.argmin(costs))]
+            effects[p.name] = tuple(row)
+    return effects
+
+
+def _own_cost(one: Misfit, values: Mapping[str, float]) -> float:
+    """Return the sum of squares of one movement at its own values; infinite where it failed."""
+    response = one.responses([values])[0][0]
+    if response.failure:
+        return float("inf")
+    aligned = align(one.movements[0], response, comparison=one.comparison, sensitivities={})
+    row = aligned.whitened(aligned.measured - aligned.predicted(response))
+    return float(row @ row)
 
 
 # Steps of a fit; how many more are allowed after one that still lowered the cost by this share and
