@@ -324,7 +324,7 @@ def test_of_several_choices_the_one_with_which_clearly_least_is_missed_is_taken(
     left = {"": 1.0, "first": 0.6, "alike": 0.55, "better": 0.1, "after": 0.01}
     tried: list[str] = []
 
-    def fitted(_: Fit, __: Misfit, choice: list[cause_trials.TestedCause], **___: object) -> Fit:
+    def fitted(_: Fit, __: Misfit, choice: list[cause_trials.TestedCause]) -> Fit:
         tried.append(choice[0].name)
         return fits[choice[0].name]
 
@@ -344,8 +344,6 @@ def test_of_several_choices_the_one_with_which_clearly_least_is_missed_is_taken(
     assert tried == ["first", "alike", "better"]
     left |= {"first": 0.99, "alike": 0.99}
     assert taken(2) == ""
-    # Thoroughly then, from the last.
-    assert tried == ["first", "alike", "alike", "first"]
 
 
 def test_movements_that_do_not_slip_keep_the_common_level() -> None:

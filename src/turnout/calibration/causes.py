@@ -23,12 +23,11 @@ from turnout.calibration.cause_trials import (
 )
 from turnout.calibration.comparison import peaks_of
 from turnout.calibration.evaluate import throws_done
-from turnout.calibration.fit import Fit, brief_fit, fit, sought_effects
+from turnout.calibration.fit import Fit, brief_fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
 from turnout.calibration.shared import (
-    CLEARLY,
     CLOCK,
     effective_samples,
     missing_more,
@@ -316,18 +315,14 @@ def _likeliest(
     """Fit with each of the likeliest choices, and return the one with which the model misses least.
 
     Which it is shows only in what a fit with each still misses. One that comes later has to miss
-    clearly less; none is tried after one that leaves nothing to look for. Brief fits first; where
-    none helps, and much is missed, fits to their end.
+    clearly less; none is tried after one that leaves nothing to look for.
     """
     best: tuple[Fit, Sequence[TestedCause]] | None = None
-    far = is_worth_a_search(found, share=CLEARLY)
-    tries = [(choice, False) for choice in choices]
-    tries += [(choice, True) for choice in reversed(choices) if far]
-    for choice, thorough in tries:
-        if is_spent() or (best and (thorough or not is_worth_a_search(best[0]))):
+    for choice in choices:
+        if is_spent() or (best and not is_worth_a_search(best[0])):
             break
         try:
-            again = _fitted_with(found, first, choice, thorough=thorough)
+            again = _fitted_with(found, first, choice)
             kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
                 choice, again = kept, _fitted_with(found, first, kept)
@@ -335,8 +330,6 @@ def _likeliest(
             continue
         if kept and missed_share(again) <= LESS_MISSED * missed_share(best[0] if best else found):
             best = again, choice
-            if thorough:
-                break
     return best
 
 
@@ -397,8 +390,6 @@ def _fitted_with(
     found: Fit,
     first: Misfit,
     choice: Sequence[TestedCause],
-    *,
-    thorough: bool = False,
 ) -> Fit:
     """Fit all values together with causes, from where both are."""
     values, vary = dict(found.values), list(found.parameters)
@@ -422,9 +413,6 @@ def _fitted_with(
         misfit=replace(misfit, comparison=kept, effects=effects),
         local=replace(found.local, stepped={}),
     )
-    if thorough:
-        # What half a step of the solver moves is within the noise that causes are judged by.
-        return fit(misfit, vary, values, near=start, refined=False)
     again = brief_fit(misfit, start, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
     own = sought_effects(again)
     if own == again.misfit.effects:
