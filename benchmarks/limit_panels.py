@@ -84,10 +84,11 @@ def report(found: xr.Dataset, maps: list[xr.Dataset], default: xr.Dataset) -> No
     filled = np.where(np.isfinite(a90), a90, np.inf)
     same = [len(item) == len(drawn[-1]) for item in drawn[:-1]]
     difference = filled[:-1] - filled[-1]
-    of_draws = drawn[:-1][same] - drawn[-1]
+    with np.errstate(invalid="ignore"):  # where both lie beyond, the difference is not known
+        of_draws = drawn[:-1][same] - drawn[-1]
     for share in (0.05, 0.5, 0.95):
-        ends = np.quantile(of_draws, share, axis=0, method="nearest")
-        low, high = np.quantile(ends, (0.025, 0.975), axis=0, method="nearest")
+        ends = np.nanquantile(of_draws, share, axis=0, method="nearest")
+        low, high = np.nanquantile(ends, (0.025, 0.975), axis=0, method="nearest")
         value = np.quantile(difference, share, axis=0, method="nearest")
         print(row(f"less the default, {share:g}", value))
         print(row("   low", low), "\n" + row("   high", high))
