@@ -40,7 +40,7 @@ from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
 # How many causes are taken up at most, and of how many choices the one that misses least.
-MOST_CAUSES, ATTEMPTS = 3, 3
+MOST_CAUSES, ATTEMPTS = 3, 4
 # How many are taken up in one fit at most.
 AT_ONCE = 2
 # The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
