@@ -42,7 +42,9 @@ from turnout.core.library import text_in_library
 from turnout.core.progress import Progress
 from turnout.core.toml import parse_toml
 from turnout.core.workers import Workers
+from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
+from turnout.throw.simulate import simulate
 
 TOY = """
 schema_version = 1
@@ -362,6 +364,18 @@ def test_the_visible_size_is_the_least_that_changes_an_end_force() -> None:
         for text in ("", f"{1e3 * (found - 2e-4):g} mm@sleeper 6", f"{1e3 * found:g} mm@sleeper 6")
     ]
     assert abs(forces[1] - forces[0]) < 50.0 < abs(forces[2] - forces[0])
+
+
+def test_a_machine_at_its_limit_contact_locks_in_whatever_force_it_holds() -> None:
+    bars = {"machine.lock.stroke": "14 mm", "machine.lock.force": "1 kN"}
+    panel = load_panel("uic60-760-1-15-jea73").with_overrides(bars)
+    trapped = ForeignObject("5 mm", "drive 2")
+    thrown = simulate(panel, foreign_object=trapped, mode="quick")
+    end = thrown.sel(drive="2").isel(time=-1)
+    assert bool(end["locked"])
+    assert float(end["drive_force"]) > float(end["saturation_force"])
+    missed = Thrower(panel).sum(sum_of("lock excess", "", item="5 mm@drive 2"))
+    assert missed == pytest.approx(float(end["end_gap"]) - 5e-3, abs=1e-9)
 
 
 def sum_of(measure: str, of: str, *, item: str = "") -> Sum:

@@ -339,6 +339,10 @@ def test_states_lie_in_their_ranges_and_run(state: str) -> None:
         ({"stribeck_speed": -0.01}, "stribeck_speed"),
         ({"friction_state": "gresed"}, "friction_state.*did you mean 'greased'|greased"),
         ({"friction_state": ["dry", "rust"]}, "2 states: needs friction_opening with as many"),
+        (
+            {"friction_state": "dry", "friction_opening": [0.0, 0.05]},
+            "friction_opening: needs friction_factor, or states in friction_state, with as many",
+        ),
         ({"friction_state": []}, "names no state"),
     ],
 )

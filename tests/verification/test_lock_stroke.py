@@ -58,13 +58,8 @@ def test_without_a_force_a_table_changes_no_bit() -> None:
 
 
 def test_a_panel_throws_with_lock_bars() -> None:
-    machines = {"drive.1.machine": "jea73", "drive.2.machine": "jea73-drive2"}
-    bars = {
-        f"machine.{name}.lock.{key}": value
-        for name in machines.values()
-        for key, value in (("stroke", "14 mm"), ("force", "1 kN"))
-    }
-    panel = load_panel("uic60-760-1-15").with_overrides(machines)
+    panel = load_panel("uic60-760-1-15-jea73")
+    bars = {"machine.lock.stroke": "14 mm", "machine.lock.force": "1 kN"}
     plain, barred = (simulate(item, mode="quick") for item in (panel, panel.with_overrides(bars)))
     assert all(bool(item["locked"][-1]) for item in (plain, barred))
     ends = [item["drive_force"].values[:, -1] for item in (plain, barred)]
@@ -73,6 +68,14 @@ def test_a_panel_throws_with_lock_bars() -> None:
     assert barred["drive_displacement"].values[:, -1] == pytest.approx(closed, abs=5e-4)
     scale = float(plain["energy_friction"].max())
     assert float(abs(barred["energy_residual"]).max()) < 1e-6 * scale
+    # each bar unlocks before the way and locks after it, in both movements, one rod like the other
+    for drive, name in enumerate(panel.machine):
+        machine = panel.machine[name]
+        way = 2 * STROKE + CORNER + machine.circuit.overrun
+        torque = 1000.0 / (machine.stroke.ratio * machine.gear.efficiency)
+        more = machine.stroke.ratio * way / steady_point(machine, torque=torque).speed
+        times = [item["throw_time"].values[drive] for item in (plain, barred)]
+        assert times[1] - times[0] == pytest.approx([more, more], rel=0.05)
 
 
 @pytest.mark.parametrize(

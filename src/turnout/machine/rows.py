@@ -77,6 +77,10 @@ def with_lock_stroke(machine: Machine) -> Machine:
     return machine.model_copy(update={"stroke": stroke, "circuit": circuit})
 
 
+AT_END = 1e-9
+"""Way to an end of a stroke within which a rod is at it, as sums of floats miss it [m]."""
+
+
 def angle_at(machine: Machine, position: float) -> float:
     """Return the least shaft angle at which the rod is at a position [rad].
 
@@ -84,7 +88,8 @@ def angle_at(machine: Machine, position: float) -> float:
     ----------
     machine : Machine
     position : float
-        Of the rod's machine end [m]; beyond the ends of a crank or table it is taken at the end.
+        Of the rod's machine end [m]; at the ends of a crank or table and beyond, with its lock
+        bar home.
     """
     from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
@@ -92,9 +97,9 @@ def angle_at(machine: Machine, position: float) -> float:
     if stroke.ratio is not None and stroke.kind == "screw":
         return position * stroke.ratio
     whole, length = stroke.angle or 0.0, stroke.length or 0.0
-    if position <= stroke.start:
+    if position <= stroke.start + AT_END:
         return 0.0
-    if position >= stroke.start + length:
+    if position >= stroke.start + length - AT_END:
         return whole
     row, table = machine_row(machine, limits=False), stroke_table(stroke)
     return float(

@@ -181,7 +181,8 @@ def lock_excess(thrown: Thrown, _: str) -> float:
     """Return by how much the closed switch misses its lock [m]; negative where it locks.
 
     The largest of what the criteria of the panel's rule measure at drives less their limits, forces
-    as travels of bushings.
+    as travels of bushings. A machine that went to its limit contact is locked in whatever force it
+    holds, so that a criterion which does not refuse it says nothing beyond its limit.
     """
     panel, ds = thrown.panel, thrown.dataset
     end = ds.isel(time=slice(-2, None)).transpose("drive", ..., "time")
@@ -195,8 +196,9 @@ def lock_excess(thrown: Thrown, _: str) -> float:
     found = []
     for item in LOCK_RULES[panel.lock.rule]:
         excess = item.value(drives).max(axis=-1) - item.limit(drives)
+        excess[(excess > 0.0) & ~item.refuses(drives).any(axis=-1)] = np.nan
         found.append(excess if item.unit == "m" else _as_travel(panel, excess))
-    return float(np.nanmax(found))
+    return float(np.fmax.reduce(found, axis=None))
 
 
 def least_margin(thrown: Thrown, drive: str) -> float:
