@@ -145,6 +145,7 @@ def limits_file(folder: Path, text: str) -> Path:
 
 CLASS = '[[class]]\nup_to = "{}"\nnarrowing = "{}"\n'
 HEAD = 'schema_version = 1\nname = "own"\n'
+REMEDY = 'give a table [[class]] for each, with up_to = "80 km/h", the line speed up to which'
 
 
 def test_limits_of_the_library_and_of_a_file(tmp_path: Path) -> None:
@@ -158,8 +159,8 @@ def test_limits_of_the_library_and_of_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (HEAD, "class: is missing"),
-        (HEAD + "class = []\n", "class = []: needs at least 1"),
+        (HEAD, f"class: is missing; {REMEDY}"),
+        (HEAD + "class = []\n", f"class = []: needs at least 1, has 0; {REMEDY}"),
         (CLASS.format("80 km/h", "9 mm"), "schema_version: is missing"),
         (HEAD + CLASS.format("80 mm", "9 mm"), 'class.1.up_to = "80 mm"'),
         (HEAD + CLASS.format("80 km/h", "-9 mm"), "must be more than 0"),
@@ -224,6 +225,26 @@ def test_the_command_prints_the_three_numbers_and_the_speed() -> None:
     assert "1424.9 at sleeper 6         1418.0 at x = 2.55 m, wheel at 4.2 m" in text
     assert "TOO NARROW: 1418.0 mm, at least 1427 mm required" in text
     assert "allowed at no speed, by immediate action: 1426 mm up to 120 km/h" in text
+
+
+def test_a_level_at_rest_is_said_not_to_count() -> None:
+    """A wheel rolls slowly: friction has its level in motion whatever the panel says of rest."""
+    common = ("--lateral", "5 kN", "--vertical", "0 kN")
+    ratio, rise = "chair.static_ratio=1.2", "chair.friction_rise=1 s/m"
+    kept, course = "that at rest, up to {} times as high, and ", "its course over speed does not"
+    for setting, said in (
+        (ratio, kept.format(1.2) + course),
+        ("chair.friction_state='dry'", kept.format(1.3) + course),
+        (rise, f"in motion: {course}"),
+    ):
+        code, text, _ = run(*common, "--set", setting)
+        assert (code, text.count("friction  ")) == (0, 1)
+        assert said in text
+    assert "friction" not in run(*common)[1]
+    told, silent = (json.loads(run(*common, "--json", *more)[1]) for more in (("--set", ratio), ()))
+    assert kept.format(1.2) in told["friction_remark"]
+    assert silent["friction_remark"] is None
+    assert told["loads"] == silent["loads"]
 
 
 def test_strict_json_dataset_and_figure(tmp_path: Path) -> None:

@@ -182,6 +182,8 @@ def gauge_lines(
         reach = "reaches its" if len(slipping) == 1 else "reach their"
         text = f"drive {' and '.join(sorted(slipping))} {reach} saturation force under the wheel"
         yield f"{'drives':<16}{text}"
+    if attributes["friction_remark"]:
+        yield f"{'friction':<16}{attributes['friction_remark']}"
     least, limit = _least(found), float(attributes["gauge_limit"])
     if limit == limit:
         text = f"at least {1e3 * limit:g} mm required"
@@ -213,6 +215,7 @@ def gauge_record(
         **{name: attributes[name] for name in ("gauge_nominal", "gauge_limit")},
         "least": least,
         "loads": [asdict(item) for item in found],
+        "friction_remark": attributes["friction_remark"] or None,
         "limits": {"name": limits.name, "classes": [c.model_dump() for c in limits.classes]},
         "up_to": limits.highest_speed(attributes["gauge_nominal"] - least) or None,
     }

@@ -25,6 +25,11 @@ DEFAULT_LIMITS = "immediate-action"
 LIBRARY = "turnout.metric"
 """Package whose library has the limits."""
 _KEYS = ("schema_version", "name", "class", "up_to", "narrowing")
+_NO_CLASSES = ("class: is missing", "class = []: ")
+_ONE_CLASS = (
+    '; give a table [[class]] for each, with up_to = "80 km/h", the line speed up to which it '
+    'holds, and narrowing = "10 mm", what it allows below the nominal gauge'
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +116,10 @@ def load_gauge_limits(name_or_path: str | Path) -> GaugeLimits:
     try:
         found = _LimitsFile.model_validate(file.data)
     except ValidationError as error:
-        problems = validation_problems(error.errors(), allowed=lambda _: _KEYS)
+        problems = [
+            problem + _ONE_CLASS * problem.startswith(_NO_CLASSES)
+            for problem in validation_problems(error.errors(), allowed=lambda _: _KEYS)
+        ]
         raise PanelError(problems, source=f"limits of gauge {file.source}") from None
     return GaugeLimits(found.name, tuple(found.classes))
 

@@ -340,6 +340,16 @@ class _Rolled:
         return self.history.law_force[self.at][:, list(laws)]
 
 
+def _unused_friction(panel: LoadedPanel) -> str:
+    """Return a remark on friction of the panel that does not count here; empty if all does."""
+    curves = [curve for chair in panel.chair.values() for curve in chair.friction_curves]
+    if all(curve.is_constant for curve in curves):
+        return ""
+    ratio = max(curve.static_ratio for curve in curves)
+    at_rest = f"that at rest, up to {ratio:g} times as high, and " if ratio > 1.0 else ""
+    return f"chairs have their level in motion: {at_rest}its course over speed does not count"
+
+
 def _dataset(
     rolled: Sequence[_Rolled],
     loads: Sequence[tuple[float, float]],
@@ -387,6 +397,7 @@ def _dataset(
             "course": course,
             "vertical_force_offset": offset,
             **gauge_rules(panel),
+            "friction_remark": _unused_friction(panel),
             "energy_residual": max(one.history.outcome.energy_residual for one in rolled),
             "energy_scale": rolled[0].scale,
             "scheme": SCHEME.describe(),
