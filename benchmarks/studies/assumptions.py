@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ from turnout.detection.throws import (
     sizes_beyond,
     throws_from,
 )
+from turnout.mechanism.build import build_mechanism
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, as_written, load_panel
 from turnout.study.design import Drawn
@@ -151,6 +153,19 @@ def fit(gap: float) -> dict[str, Any]:
     return {"rail.fit_gap.value": [gap / height * value for value in own.value]}  # type: ignore[union-attr]
 
 
+@cache
+def dry_third() -> dict[str, Any]:
+    """Return a film of grease that is dry over the last third of each chair's own way to closed."""
+    panel = load_panel(PANEL)
+    shape = build_mechanism(panel, ()).shapes[panel.instrumented_rail]
+    given: dict[str, Any] = {}
+    for name, chair in panel.chair.items():
+        way = float(shape.travel_at(np.array([chair.x]))[0])
+        given[f"chair.{name}.friction_opening"] = [0.0, round(way / 3.0, 4)]
+        given[f"chair.{name}.friction_state"] = ["dry", "greased"]
+    return given
+
+
 AT_REST = (("chair.static_ratio", 1.0, 1.3), ("chair.stribeck_speed", 1e-3, 20e-3))
 """As the ranges of `paper-facts`."""
 BARE, DRIVEN = "the panel as it is", "machines in place of markers"
@@ -163,6 +178,7 @@ def cases() -> list[Case]:
     return [
         Case(BARE),
         *(Case(f"chairs: {name}", {"chair.friction_state": name}, BARE) for name in states),
+        Case("chairs: greased, dry in the third next to the closed rail", dry_third(), BARE),
         Case("level at rest 1.2 times", {"chair.static_ratio": 1.2}, BARE),
         Case("the same, 1 to 1.3 times from switch to switch", {}, BARE, AT_REST),
         Case(DRIVEN, MACHINES, BARE),
@@ -398,7 +414,8 @@ The numbers behind facts a to e, g and h of the facts file
 [`paper-facts`](plausible-panels.md), which says how each is taken and what its limits are.
 a: 13 mm at Drive 2 with 81 kN/m. c: least change of an end force from a size to the next at
 sleeper 6, of both drives. d: 13 mm at a drive; below 0 the other drive changes by less than a
-quarter as much. g: below 0 the switch locks. h: with machines in place of markers, Drive 2 without
+quarter as much. g: below 0 the switch locks; where a drive slips, as on rust, what is missed is
+the travel of its slip. h: with machines in place of markers, Drive 2 without
 the extra time of its marker, which its gear takes; clamp locks have none.
 
 {facts_table(known, OBJECTS)}
