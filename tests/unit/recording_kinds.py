@@ -234,6 +234,7 @@ TIMES: list[Kind] = [
             ("TIME_MSEC", milliseconds),
             ("Zeit in Millisekunden", milliseconds),
             ("[s]", seconds),
+            ("Zeit in min", lambda n: f"{n * STEP / 60:.10f}"),
             ("Time / min", lambda n: f"{n * STEP / 60:.10f}"),
             ("Time [hh:mm:ss.ms]", lambda n: f"08:14:{n * STEP:06.3f}"),
         )
@@ -279,6 +280,12 @@ TIMES: list[Kind] = [
         ";", time=lambda n: f"{moment('%d.%m.%Y %H:%M:%S')(n)};{seconds(n)}"), BOTH),
     ("time: a column repeats the rate", "throw_id,sample_rate_hz,sample_index,Force,Current\n"
      + rows(time=lambda n: f"418,25,{n}"), BOTH),
+    *((f"time: a constant column called {name}, {head!r}", f"{head}\nForce,Current,{name}\n"
+       + rows(end=",5"), {**BOTH, channel: (25.0, 0.0)})
+      for head in ("Sample rate: 25 Hz", "Rate: 25 Hz")
+      for name, channel in (("START", "START"), ("Start [V]", "Start"))),
+    ("time: beside a least temperature", "t min,Time (s),Force,Current\n" + rows(
+        time=lambda n: f"{20 + n / 100:.2f},{seconds(n)}"), {"t min": (25.0, 0.0), **BOTH}),
     ("time: newest first", HEAD + "".join(reversed(rows(time=seconds).splitlines(True))),
      ("time must rise",)),
     ("time: a row twice", HEAD + rows(time=seconds) + rows(time=seconds).splitlines()[-1] + "\n",
@@ -519,6 +526,8 @@ NUMBERS: list[Kind] = [
        {"Current": (25.0, 0.0), "Force": (25.0, 0.0)}) for text in ("NaN", "")),
     ("numbers: marks of gaps", HEAD + rows(time=seconds).replace("3.872", "////")
      .replace("3.546", "k.A."), BOTH),
+    ("numbers: kiloamperes in the row of units", "Sample rate: 25 Hz\nForce;Current\nkA;kA\n"
+     + rows(";"), BOTH),
     ("numbers: other marks of gaps", HEAD + rows(time=seconds).replace("3.872", "I/O Timeout")
      .replace("3.546", "±∞"), BOTH),
     ("numbers: a rate above them behind an empty cell",

@@ -6,7 +6,7 @@ SEPARATORS = ",;\t"
 
 
 def split_row(line: str, separator: str) -> list[str]:
-    """Return the cells of a line; ValueError where a quotation mark is not closed.
+    """Return the cells of a line; ValueError where one is too long.
 
     Examples
     --------

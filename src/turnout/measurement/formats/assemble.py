@@ -126,7 +126,8 @@ def split_unit(text: str) -> tuple[str, str]:
         return "", tidy_unit(text[3:])
     match = _BEHIND.fullmatch(text)
     # "Rod A" is a name, "I in A" and "Force kN" end in a unit.
-    if match and _stands_behind(match[3], match[1]) and (match[2].strip() or len(match[3]) > 1):
+    name = match[1] if match and match[2].strip() else ""  # "t min" may be a minimum
+    if match and _stands_behind(match[3], name) and (match[2].strip() or len(match[3]) > 1):
         return match[1], tidy_unit(match[3])
     return text, ""
 

@@ -7,6 +7,7 @@ and several throws in one table never become one channel.
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -337,18 +338,20 @@ def _channel_columns(table: Table) -> list[FileColumn]:
 
 
 def _read_constants(table: Table) -> None:
-    """Take the rate, interval or start that a column repeats, unless there are times."""
-    stated = replace(table.stated, rates=[*table.stated.rates], weak=[*table.stated.weak])
+    """Take the rate or interval that a column repeats, unless there are times; of curves the start.
+
+    A column beside the samples that is called start may be a signal.
+    """
     for place, values in [] if table.axes and not table.curves else [*table.values.items()]:
-        column = table.columns[place]
-        strong = len(stated.rates)
+        column, stated = table.columns[place], deepcopy(table.stated)
         known = is_constant(values) and (table.curves or values.size > 1)
-        if known and stated.read(column.name, [float(values[0])], unit=column.unit):
-            if not table.curves and len(stated.rates) == strong:
-                stated.leave_weak()
-            else:
-                del table.values[place]
-    table.stated = stated
+        if (
+            known
+            and stated.read(column.name, [float(values[0])], unit=column.unit)
+            and (table.curves or len(stated.rates) > len(table.stated.rates))
+        ):
+            table.stated = stated
+            del table.values[place]
 
 
 def _curve_columns(table: Table) -> list[FileColumn]:

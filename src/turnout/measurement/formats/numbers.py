@@ -12,7 +12,7 @@ _OVERLOAD = re.compile(
     r"[*#+_xX/?]{2,}|-{2,}|[+\-<>±]?(?:ovl|ovr|ovrld|over|overload|overld|overflow|overrange|"
     r"ofl|ol|o\.l\.?|o/l|under|underflow|underrange|inf|infinity|infinite|∞|invalid|inval|err|"
     r"error|bad|sat|saturated|clip|clipped|burnout|open|no ?data|no ?value|missing|"
-    r"(?:i/o ?)?timeout|k\.? ?a\.?|1[.,]#inf\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
+    r"(?:i/o ?)?timeout|k\. ?a\.|1[.,]#inf\d*|#wert!?|#value!?|#div/0!?|#ref!?)[+\-!]?",
     re.IGNORECASE,
 )
 _NO_NUMBER = re.compile(r"[+\-]?1[.,]#(?:ind|qnan|snan)\d*", re.IGNORECASE)
