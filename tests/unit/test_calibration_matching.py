@@ -355,6 +355,36 @@ def test_currents_are_those_of_machines_and_forces_those_of_the_panel() -> None:
         read_facts(parse_toml(wrong, source="toy"))
 
 
+def test_cases_of_a_study_have_complements_too() -> None:
+    """1 less the value beside keys that it multiplies, and of machines, whose values are labels."""
+    shares = """
+[[parameter]]
+name = "share"
+keys = ["drive.2.stiffness"]
+complement = ["chair.friction_coefficient"]
+apply = "multiply"
+minimum = 0.5
+maximum = 0.7
+
+[[parameter]]
+name = "gear"
+keys = ["machine.jea73-drive2.gear.efficiency"]
+complement = ["machine.jea73.gear.efficiency"]
+minimum = 0.2
+maximum = 0.4
+
+[[fact]]"""
+    text = DRIVEN[: DRIVEN.index("[[parameter]]")] + DRIVEN[DRIVEN.index("[[fact]]") :]
+    facts = read_facts(parse_toml(text.replace("[[fact]]", shares, 1), source="driven"))
+    point = np.array([0.5, 0.5])
+    written = accepted_study(facts, point[np.newaxis], name="s")
+    thrower = thrower_of_case(facts, study_from_file(parse_toml(written, source="s")), 0)
+    assert thrower.panel.hash == panel_at(facts, point).hash
+    assert thrower.panel.chair["5"].friction_coefficient == pytest.approx(0.4)
+    gears = [thrower.by_machines.machine[name].gear for name in ("jea73", "jea73-drive2")]
+    assert [gear.efficiency for gear in gears] == pytest.approx([0.7, 0.3])
+
+
 def test_the_visible_size_is_the_least_that_changes_an_end_force() -> None:
     """A held force is the same whatever lies there until it is touched: the size follows it."""
     panel = load_panel("uic60-760-1-15")

@@ -67,6 +67,8 @@ def match_command(
             )
     record = match_record(found, shown)
     output.show(*match_lines(found, shown.points, record))
+    if chosen is not None:
+        output.show(*written_lines(len(chosen), choose=choose))
     _write(output, read, shown.points, chosen)
     output.json(lambda: record)
 
@@ -167,6 +169,23 @@ def match_lines(found: "Matching", points: "Floats", record: Mapping[str, Any]) 
         lines += ["", f"{'answer':<52}{'5 %':>10}{'50 %':>10}{'95 %':>10}"]
         lines += [_answer_line(row) for row in record["answers"]]
     return lines
+
+
+def written_lines(count: int, *, choose: int) -> list[str]:
+    """Say for the screen if a study has fewer panels than were to be chosen.
+
+    Examples
+    --------
+    >>> written_lines(0, choose=50)
+    ['', 'the study is not written: no accepted panel meets all facts as it is written']
+    >>> written_lines(50, choose=50)
+    []
+    """
+    if count >= choose:
+        return []
+    if not count:
+        return ["", "the study is not written: no accepted panel meets all facts as it is written"]
+    return ["", f"the study has {count} of {choose} panels: no other meets all facts as written"]
 
 
 def _range_line(item: "Range") -> str:

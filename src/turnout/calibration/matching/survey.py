@@ -262,10 +262,11 @@ def accepted_study(facts: Facts, points: Floats, *, name: str) -> str:
     rows = []
     for point in points:
         values: dict[str, Any] = dict(facts.overrides(point))
+        of_machines = facts.overrides(point, of_machines=True)
+        values |= {f"{LABEL}{key}": value for key, value in of_machines.items()}
         for parameter, share in zip(facts.parameters, point, strict=True):
-            value = float(parameter.value(np.asarray(share)))
-            if parameter.of_machine or parameter.apply == "multiply":
-                values |= dict.fromkeys((key for key, _ in _keys(facts, parameter)), value)
+            if parameter.apply == "multiply" and not parameter.of_machine:
+                values |= dict.fromkeys(parameter.keys, float(parameter.value(np.asarray(share))))
         rows.append(f"    [{', '.join(_written(key, values[key], units[key]) for key in keys)}],")
     factors = [
         key
@@ -305,7 +306,8 @@ rows = [
 def _keys(facts: Facts, parameter: UnknownValue) -> list[tuple[str, str]]:
     """Return the keys that a parameter has in a study, with their units; labels of machines."""
     if parameter.of_machine:
-        return [(f"{LABEL}{key}", parameter.unit) for key in parameter.keys]
+        keys = (*parameter.keys, *parameter.complement)
+        return [(f"{LABEL}{key}", parameter.unit) for key in keys]
     if parameter.apply == "add":
         point = np.full(len(facts.parameters), 0.5)
         found = [
