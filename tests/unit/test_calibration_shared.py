@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement
 
 from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP
+from turnout.calibration.comparison import peaks_of
 from turnout.calibration.covariance import (
     chair_uncertainty,
     common_gain,
@@ -19,9 +20,11 @@ from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.sensors import common_lead, found_sensors
 from turnout.calibration.shared import (
+    CLEARLY,
     Shared,
     discrepancy_modes,
     effective_samples,
+    missing_more,
     shared_discrepancy,
     shared_of,
 )
@@ -240,3 +243,25 @@ def test_friction_that_differs_between_chairs_is_known_as_their_mean_only() -> N
     assert wide.deviations[0] == pytest.approx(spread, rel=1e-6)
     # What no chair's friction is in stays as it was.
     assert wide.deviations[1] == pytest.approx(plain.deviations[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("white", "missed", "found"),
+    [
+        (1e-4, 0.004, False),
+        (1e-4, 0.005, True),
+        (3e-3, 0.013, False),
+        (3e-3, 0.014, True),
+        (2e-2, 0.019, False),
+        (2e-2, 0.021, True),
+    ],
+)
+def test_a_model_that_misses_much_is_found_in_a_noisy_channel_too(
+    white: float, missed: float, found: bool
+) -> None:
+    """Three times what another solver or the noise hides, 2 % of the peak at most."""
+    whole = misfit([movement("m", rng=np.random.default_rng(1))])
+    ((key, peak),) = peaks_of(whole.movements).items()
+    noise = replace(whole.comparison.noise[key], white=white * peak, missed=missed * peak)
+    comparison = replace(whole.comparison, noise={key: noise})
+    assert bool(missing_more(comparison, whole.movements, share=CLEARLY)) is found

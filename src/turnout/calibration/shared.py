@@ -40,8 +40,10 @@ LEAST_SHARED, LEAST_SIZE = 0.3, 1e-6
 LEAST_MOVEMENTS = 3
 # Less than this share of a channel's peak another solver of the same mechanics misses too [-]: a
 # right model 0.1 % of drives on twins, and 2 % of the blow on an object. So many times that is
-# something that the model lacks, such as a metre more of rail, which is 3 % of drives.
+# something that the model lacks, such as a metre more of rail, which is 3 % of drives. In a noisy
+# channel less is not told from noise; more than `POOR` of the peak always is.
 WORTH, WORTH_DRIVE, CLEARLY = {OBJECT_FORCE: 0.02}, 1.5e-3, 3.0
+POOR, POOR_DRIVE = {OBJECT_FORCE: 0.1}, 0.02
 DiscrepancyKey = tuple[str, str, str]
 """Channel, drive and direction."""
 GAIN, ZERO, CLOCK, CROSS_TALK = "gain", "zero", "clock", "cross-talk"
@@ -381,8 +383,8 @@ def missing_more(
         key: missed
         for key, peak in peaks_of(movements).items()
         for missed in [model_error(comparison, key)]
-        if missed
-        > share * max(WORTH.get(key[0], WORTH_DRIVE) * peak, 1.5 * comparison.noise[key].white)
+        for least in [max(WORTH.get(key[0], WORTH_DRIVE) * peak, 1.5 * comparison.noise[key].white)]
+        if missed > min(share * least, POOR.get(key[0], POOR_DRIVE) * peak)
     }
 
 
