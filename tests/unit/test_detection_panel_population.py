@@ -121,7 +121,7 @@ def test_rods_rise_about_those_of_the_panel() -> None:
 
 
 def test_rollers_scatter_about_those_of_the_panel_and_other_chairs_have_none() -> None:
-    """Whether a switch has them its owner knows: none appear where the panel has none."""
+    """The owner of a switch knows if it has rollers: a panel without them gets none."""
     assert not any("roller" in name for name in reference_study(load_panel(DEFAULT)).variables)
     lifts = {"chair.5.roller_lift": 1e-3, "chair.9.roller_lift": 2e-3}
     study = reference_study(load_panel(DEFAULT, overrides=lifts), count=300)

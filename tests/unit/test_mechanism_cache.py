@@ -291,7 +291,7 @@ def test_rails_made_with_an_object_at_their_nodes_are_those_without(
 
 
 def test_faces_of_all_slopes_share_the_rails_of_a_drive(fresh: Path) -> None:
-    """No foot holds the rail up at a rod: what it yields along the face softens the object."""
+    """No foot holds the rail up at a rod: its flexibility along the face softens the object."""
     made = [
         build_mechanism(PANEL, resolve_objects(PANEL, [ForeignObject(0.01, "drive 1", **face)]))
         for face in ({"face_slope": 0.05}, {"face_slope": -0.02}, {})

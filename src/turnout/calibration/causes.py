@@ -27,12 +27,7 @@ from turnout.calibration.fit import Fit, brief_fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
-from turnout.calibration.shared import (
-    CLOCK,
-    effective_samples,
-    missing_more,
-    model_error,
-)
+from turnout.calibration.shared import CLOCK, effective_samples, missing_more, model_error
 from turnout.calibration.stages import prior_slopes
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
@@ -386,11 +381,7 @@ def missed_share(found: Fit) -> float:
     )
 
 
-def _fitted_with(
-    found: Fit,
-    first: Misfit,
-    choice: Sequence[TestedCause],
-) -> Fit:
+def _fitted_with(found: Fit, first: Misfit, choice: Sequence[TestedCause]) -> Fit:
     """Fit all values together with causes, from where both are."""
     values, vary = dict(found.values), list(found.parameters)
     effects, scatter = dict(found.misfit.effects), dict(found.misfit.comparison.scatter)

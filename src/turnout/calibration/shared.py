@@ -40,8 +40,8 @@ LEAST_SHARED, LEAST_SIZE = 0.3, 1e-6
 LEAST_MOVEMENTS = 3
 # Less than this share of a channel's peak another solver of the same mechanics misses too [-]: a
 # right model 0.1 % of drives on twins, and 2 % of the blow on an object. So many times that is
-# something that the model lacks, such as a metre more of rail, which is 3 % of drives. In a noisy
-# channel less is not told from noise; more than `POOR` of the peak always is.
+# something that the model lacks, such as a metre more of rail, which is 3 % of drives. Noise of a
+# channel hides more than that, but never more than `POOR` of the peak.
 WORTH, WORTH_DRIVE, CLEARLY = {OBJECT_FORCE: 0.02}, 1.5e-3, 3.0
 POOR, POOR_DRIVE = {OBJECT_FORCE: 0.1}, 0.02
 DiscrepancyKey = tuple[str, str, str]

@@ -7,10 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.causes import (
-    continued,
-    is_worth_a_search,
-)
+from turnout.calibration.causes import continued, is_worth_a_search
 from turnout.calibration.comparison import align, predicted
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit, brief_fit, fit, update_movement_effects

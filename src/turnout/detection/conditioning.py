@@ -12,8 +12,8 @@ from scipy.linalg import cho_factor, cho_solve
 Floats = NDArray[np.float64]
 
 
-def conditioned(prior: Floats, *, way: Floats, error: Floats) -> tuple[Floats, Floats]:
-    """Return the covariance of what is known after an observation, and the gain.
+def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:
+    """Return the covariance of what is known after an observation, shape (n, n).
 
     Parameters
     ----------
@@ -24,20 +24,11 @@ def conditioned(prior: Floats, *, way: Floats, error: Floats) -> tuple[Floats, F
     error : ndarray, shape (m, m)
         Covariance of the observation, :math:`R`.
 
-    Returns
-    -------
-    covariance : ndarray, shape (n, n)
-        After the observation.
-    gain : ndarray, shape (n, m)
-        :math:`K`.
-
     Examples
     --------
-    >>> covariance, gain = conditioned(np.eye(1), way=np.eye(1), error=np.eye(1))
-    >>> covariance.round(9).tolist(), gain.round(9).tolist()
-    ([[0.5]], [[0.5]])
+    >>> conditioned(np.eye(1), way=np.eye(1), error=np.eye(1)).round(9).tolist()
+    [[0.5]]
     """
     crossed = prior @ way.T
-    solved = cho_solve(cho_factor(way @ crossed + error), crossed.T)
-    found = prior - crossed @ solved
-    return np.asarray(0.5 * (found + found.T)), np.asarray(solved.T)
+    found = prior - crossed @ cho_solve(cho_factor(way @ crossed + error), crossed.T)
+    return np.asarray(0.5 * (found + found.T))

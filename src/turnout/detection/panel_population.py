@@ -7,7 +7,7 @@ drive. What the panel does not have as one number, such as a fit, a stress-free 
 shape is typed, or rods of which each rises otherwise, does not vary, and the remarks of the study
 say so.
 
-Whether a switch has rollers its owner knows, and they halve the force: those of the panel scatter
+The owner of a switch knows if it has rollers, which halve the force: those of the panel scatter
 (`ROLLERS`), and a panel without has none.
 """
 

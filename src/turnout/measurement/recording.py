@@ -197,9 +197,9 @@ def _is_whole(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
     if not holes or ratio.min() < 0.5 or np.max(np.abs(ratio - np.rint(ratio))) > 0.1:
         return True
     digit, mean = _last_digit(time), float(np.mean(steps))
-    # The first and the last time are rounded, too.
-    reach = digit / steps.size if steps.size < 50 else 0.0
-    tried = np.linspace(mean - reach, mean + reach, 41)
+    # The first and the last time of a short channel are rounded, too.
+    reach = digit / steps.size
+    tried = np.linspace(mean - reach, mean + reach, 41) if steps.size < 50 else [mean]
     rounded = min(_spread(time, one) for one in tried) <= 1.001 * digit
     if not rounded and 2 * holes < steps.size:
         return False

@@ -33,8 +33,6 @@ from turnout.panel.model import Panel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-AT_A_PLACE = 1e-6
-"""An object nearer than this to a place on a rail stands at its node [m]."""
 RX, PER_NODE = 3, 6
 CUBIC = {"uy": (1, 5, 1.0), "uz": (2, 4, -1.0)}
 """Displacement and rotation of a node, and the slope that the rotation makes, by direction."""
@@ -54,7 +52,7 @@ def is_off_node(panel: Panel, item: PlacedObject) -> bool:
         *(panel.chair, panel.sleeper, panel.drive, panel.stop, panel.stud, panel.fastening),
         *(panel.link, panel.back_drive, panel.sensor, panel.stock_fastening),
     )
-    low, high = x - AT_A_PLACE, x + AT_A_PLACE
+    low, high = x - MERGE_DISTANCE, x + MERGE_DISTANCE
     return not [at for family in families for at in family.values() if low < at.x < high]
 
 
@@ -142,12 +140,13 @@ def needs_node(
     MechanicsError
         When a rail that came as matrices has no such node.
     """
-    by_name = {body.name: (data, body) for data, body in zip(rails, bodies, strict=True)}
+    given = {data.name: data for data in rails if data.matrices is not None}
     for name, point in object_ends(panel, item):
-        if by_name[name][0].matrices is not None:
-            form_rows(superelement_of(by_name[name][0])[0], (point,), name=name)
+        if name in given:
+            form_rows(superelement_of(given[name])[0], (point,), name=name)
+    by_name = {body.name: body for body in bodies}
     ends = approach_ends(panel, item.rail, x=item.x, height=item.height)
-    return not all(is_at_interface(by_name[name][1], [point]) for name, point in ends)
+    return not all(is_at_interface(by_name[name], [point]) for name, point in ends)
 
 
 def is_at_interface(body: RailBody, points: Iterable[Point]) -> bool:

@@ -428,12 +428,16 @@ def check_friction_course(path: Path, chair: Any) -> Iterator[Problem]:
         return
     pairs = opening is not None and (len(states) > 1 if factor is None else True)
     if not pairs or (factor is not None and len(opening) != len(factor)):
+        key, text = (
+            "friction_factor",
+            "friction_opening and friction_factor with as many values each",
+        )
         if factor is None:
-            text = ": needs friction_factor, or states in friction_state, with as many values"
-            yield Problem((*path, "friction_opening"), text)
-        else:
-            text = ": needs friction_opening and friction_factor with as many values each"
-            yield Problem((*path, "friction_factor"), text)
+            key, text = (
+                "friction_opening",
+                "friction_factor, or states in friction_state, with as many values",
+            )
+        yield Problem((*path, key), f": needs {text}")
     elif opening[0] != 0.0 or any(b <= a for a, b in pairwise(opening)):
         yield Problem((*path, "friction_opening"), ": must begin with 0 and rise")
     elif factor is not None and (min(factor) < 0.0 or max(factor) > 10.0):

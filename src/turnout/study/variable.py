@@ -225,12 +225,9 @@ def apply_factors(
             message = f'"{key}" has no value that a factor could multiply; give it under [set]'
             raise PanelError([message])
         # One value for a whole family is written as one, unless a member has an own one already.
-        alike = key not in changed and len(set(changed.values())) == 1
-        if (
-            alike
-            and len(changed) == len(known[key])
-            and not any(full in result for full in changed)
-        ):
+        whole = key not in changed and len(changed) == len(known[key])
+        alike = whole and len(set(changed.values())) == 1
+        if alike and not any(full in result for full in changed):
             changed = {key: next(iter(changed.values()))}
         result |= changed
     return result

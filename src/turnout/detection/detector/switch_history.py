@@ -110,7 +110,7 @@ def before_history(model: SoundModel, errors: ThrowErrors) -> Expectation:
 def covariance_of_throw(
     covariance: Floats, response: Floats, at: NDArray[np.intp]
 ) -> tuple[Floats, Floats]:
-    r"""Return the covariance of :math:`B u + \delta` with what is known, and its own.
+    r"""Return the covariances of :math:`B u + \delta`: with :math:`u, \delta`, and its own.
 
     Parameters
     ----------

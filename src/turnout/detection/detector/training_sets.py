@@ -214,7 +214,7 @@ def throw_plans(
     workers: int | Workers = 1,
     pace: Pace | None = None,
 ) -> dict[str, Path]:
-    """Throw what is missing of some sweeps, all in the same processes; return their folders."""
+    """Throw the missing scenarios of some sweeps in the same processes; return their folders."""
     paths = {name: folder / name.replace(", ", "-").replace(" ", "-") for name in plans}
     studies = {paths[name]: plan.study for name, plan in plans.items()}
     throw_studies(studies, workers=workers, pace=pace)

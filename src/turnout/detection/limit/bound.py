@@ -124,7 +124,7 @@ def predictive(
     if history:
         share = history / len(models)
         for way, error in zip(maps, own, strict=True):
-            known, _ = conditioned(known, way=way, error=error / share)
+            known = conditioned(known, way=way, error=error / share)
     found = [way @ known @ way.T + error / averaged for way, error in zip(maps, own, strict=True)]
     said = _root(prior - known) if history else np.zeros((len(prior), 0))
     return Predictive(

@@ -318,7 +318,7 @@ def _prior(of: Candidates) -> Floats:
 
 def _updated(of: Candidates, known: Floats, row: int, times: int) -> Floats:
     way = np.hstack([of.sensitivity[row], np.eye(len(of.fixed))])
-    return conditioned(known, way=way, error=of.own / times)[0]
+    return conditioned(known, way=way, error=of.own / times)
 
 
 def _parameter_gain(of: Candidates, known: Floats, row: int) -> float:
