@@ -30,7 +30,7 @@ from turnout.study.sweep.run import throw_study
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the processes of a run in /proc"
 )
-COUNT = 48
+COUNT = 64
 
 
 @pytest.fixture(scope="module")
