@@ -44,6 +44,21 @@ def test_a_line_that_ends_beyond_what_was_thrown_is_marked_there() -> None:
     assert marked[0].get_xdata()[0] == band["x"][0]
 
 
+def test_a_band_whose_end_is_beyond_what_was_thrown_is_drawn_as_far_as_that() -> None:
+    band = bands.bands_of(["a", "b"], [toy_map()] * 2)
+    band["a90_band"][-1, 1] = np.nan
+    ax = plot_bands(band).axes[0]
+    assert "90 % of the panels, at least, where lines end" in [
+        text.get_text() for text in ax.get_legend().texts
+    ]
+    (filled,) = (part for part in ax.collections if part.get_facecolor().size)
+    corners = filled.get_paths()[0].vertices
+    largest = 1e3 * float(band["a90"].max())
+    assert np.isfinite(corners).all()
+    at = np.isclose(corners[:, 0], float(band["x"][1]))
+    assert np.isclose(corners[at, 1], largest).any()
+
+
 def test_a_place_lies_where_it_is_in_each_panel() -> None:
     found = toy_map()
     x = found["x"].to_numpy()

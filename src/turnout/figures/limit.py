@@ -191,7 +191,10 @@ def plot_bands(dataset: xr.Dataset) -> "Figure":
         (line,) = ax.plot(at, row, color=None if few else "0.75", linewidth=0.8, label=label)
         ends = ends_before_gaps(row)
         ax.plot(at[ends], row[ends], "^", color=line.get_color() if few else "0.45", markersize=5)
-    ax.fill_between(x, band[0], band[-1], color="0.9", zorder=0, label="90 % of the panels")
+    beyond = np.isnan(band[-1]) & np.isfinite(band[0])
+    top = np.where(beyond, np.nanmax(each, initial=0.0), band[-1])
+    label = f"90 % of the panels{', at least, where lines end' if beyond.any() else ''}"
+    ax.fill_between(x, band[0], top, color="0.9", zorder=0, label=label)
     label = "middle, 95 % over drawn states"
     middle = len(band) // 2
     interval = [1e3 * dataset[f"a90_band_{end}"].to_numpy()[middle] for end in ("low", "high")]
