@@ -240,7 +240,8 @@ def fit_load_line(
     """
     curve = TorqueCurve(saturation_current)
     used = [(span, _steady(span, BELOW_SLIP * slip_current)) for span in spans]
-    if not _drives_back(used):
+    back = sum(int((s.load[rows] < -LEAST_DRIVEN).sum()) for s, rows in used) >= LEAST_BACK
+    if not back:
         used = [(span, rows & (span.load > 0.0)) for span, rows in used]
     used = [(span, rows) for span, rows in used if rows.any()]
     if not used:
@@ -253,29 +254,29 @@ def fit_load_line(
         return NotIdentified(reason=reason)
     if sum(int(rows.sum()) for _, rows in used) < ENOUGH * BLOCK:
         return NotIdentified(reason="the motor runs steadily for less than 1.5 s in all")
-    back = _drives_back(used)
 
-    def sums(share: float) -> list[_Sums]:
-        return _parts(
-            [
-                _normal(curve.torque(s.current), s.load - share * s.others, rows, back=back)
-                for s, rows in used
-            ]
-        )
+    def products(share: float) -> Floats:
+        movements = [
+            _products(curve.torque(s.current), s.load - share * s.others, rows, back=back)
+            for s, rows in used
+        ]
+        if len(movements) < ENOUGH:
+            return np.concatenate(movements)
+        return np.stack([blocks.sum(axis=0) for blocks in movements])
 
-    def solved(chosen: _Sums) -> tuple[Floats, Floats, float]:
+    def solved(chosen: Floats) -> tuple[Floats, Floats, float]:
         lag, coefficients, rss = _best(chosen)
         idle = curve.current(coefficients[0])
         slope = (curve.current(coefficients[0] + coefficients[1] * most) - idle) / most
         return np.array([idle, slope, *coefficients[2:]]), lag, rss
 
-    parts = sums(0.0)
-    whole, count = _summed(parts), len(parts)
+    parts = products(0.0)
+    whole, count = parts.sum(axis=0), len(parts)
     values, lag, rss = solved(whole)
-    without = np.array([solved(_less(whole, part))[0] for part in parts])
+    without = np.array([solved(whole - part)[0] for part in parts])
     apart = without - without.mean(axis=0)
     spread = np.sqrt((count - 1) / count * (apart**2).sum(axis=0))
-    common = (solved(_summed(sums(cross_talk)))[0] if cross_talk else values) - values
+    common = (solved(products(cross_talk).sum(axis=0))[0] if cross_talk else values) - values
     found = [
         Estimate.of(float(v), float(s), count, common=abs(float(c)))
         for v, s, c in zip(values, spread, common, strict=True)
@@ -290,15 +291,10 @@ def fit_load_line(
         slope_driven_back=found[2] if back and saturation_current is None else None,
         lag=float(lag[0]),
         lag_coil=float(lag[1]),
-        rms=math.sqrt(max(rss, 0.0) / max(whole.count, 1.0)),
+        rms=math.sqrt(max(rss, 0.0) / whole[0, 0, 0]),
         reference=most,
         movements=len(used),
     )
-
-
-def _drives_back(used: Sequence[tuple[RunningSpan, Flags]]) -> bool:
-    """Return whether there is enough force that drives the machine back for a slope of its own."""
-    return sum(int((s.load[rows] < -LEAST_DRIVEN).sum()) for s, rows in used) >= LEAST_BACK
 
 
 def _steady(span: RunningSpan, most: float) -> Flags:
@@ -313,79 +309,36 @@ def _steady(span: RunningSpan, most: float) -> Flags:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sums:
-    """Normal equations for each lag: X'X, X'y, y'y, and the number of samples."""
+def _products(y: Floats, load: Floats, rows: Flags, *, back: bool) -> Floats:
+    """Return products of 1, forces and y of one movement, shape (n_blocks, n_lags, n, n).
 
-    xx: Floats
-    xy: Floats
-    yy: float
-    count: float
-
-
-def _normal(y: Floats, load: Floats, rows: Flags, *, back: bool) -> list[_Sums]:
-    """Return the normal equations of one movement, in blocks."""
+    They hold the normal equations of each lag and, first of all, the number of samples.
+    """
     columns = [np.maximum(load, 0.0), np.minimum(load, 0.0)] if back else [load]
-    lagged = np.stack([_follow(column) for column in columns], axis=1)
-    places = np.flatnonzero(rows)
-    found = []
-    for first in range(0, places.size, BLOCK):
-        at = places[first : first + BLOCK]
-        x = np.concatenate([np.ones((len(LAGS), 1, at.size)), lagged[:, :, at]], axis=1)
-        product = x @ x.transpose(0, 2, 1)
-        found.append(_Sums(product, x @ y[at], float(y[at] @ y[at]), float(at.size)))
-    return found
+    given = [np.ones_like(y), *columns, y]
+    table = np.stack([np.broadcast_to(v, (len(LAGS), v.size)) for v in given], axis=1)
+    table[:, 1:-1] = np.stack([_follow(column) for column in columns], axis=1)
+    blocks = np.split(table[:, :, rows], range(BLOCK, int(rows.sum()), BLOCK), axis=2)
+    return np.stack([block @ block.transpose(0, 2, 1) for block in blocks])
 
 
 def _follow(values: Floats) -> Floats:
     """Return what follows values by each pair of `LAGS` from rest, shape (n_lags, n).
 
-    The bilinear transform of 1/(1 + a s + a b s^2).
+    The bilinear transform of 1/(1 + a s + a b s^2); without lag it would ring.
     """
-    a, b = LAGS.T
-    first, second = 2.0 * a / STEP, 4.0 * a * b / STEP**2
-    scale = 1.0 + first + second
-    last = (2.0 - 2.0 * second) / scale
-    before_last = (1.0 - first + second) / scale
-    followed = np.empty((len(LAGS), values.size))
-    given = np.concatenate([values[:1], values[:1], values])
-    y1 = y2 = np.full(len(LAGS), values[0])
-    for k in range(values.size):
-        taken = given[k] + 2.0 * given[k + 1] + given[k + 2]
-        y1, y2 = taken / scale - last * y1 - before_last * y2, y1
-        followed[:, k] = y1
-    followed[0] = values  # without lag the transform would ring
-    return followed
+    from scipy.signal import bilinear, lfilter  # slow to load
+
+    first, rises = values[0], values - values[0]
+    filters = (bilinear([1.0], [a * b, a, 1.0], 1.0 / STEP) for a, b in LAGS[1:])
+    return np.stack([values, *(first + lfilter(*each, rises) for each in filters)])
 
 
-def _parts(movements: list[list[_Sums]]) -> list[_Sums]:
-    """Return what is left out in turn: movements, or blocks where there are too few."""
-    if len(movements) >= ENOUGH:
-        return [_summed(blocks) for blocks in movements]
-    return [block for movement in movements for block in movement]
-
-
-def _summed(sums: Sequence[_Sums]) -> _Sums:
-    return _Sums(
-        np.sum([s.xx for s in sums], axis=0),
-        np.sum([s.xy for s in sums], axis=0),
-        sum(s.yy for s in sums),
-        sum(s.count for s in sums),
-    )
-
-
-def _less(whole: _Sums, part: _Sums) -> _Sums:
-    return _Sums(
-        whole.xx - part.xx, whole.xy - part.xy, whole.yy - part.yy, whole.count - part.count
-    )
-
-
-def _best(sums: _Sums) -> tuple[Floats, Floats, float]:
+def _best(products: Floats) -> tuple[Floats, Floats, float]:
     """Return the lags with the least squares, its coefficients and their sum of squares."""
-    coefficients = np.array(
-        [np.linalg.lstsq(xx, xy, rcond=1e-12)[0] for xx, xy in zip(sums.xx, sums.xy, strict=True)]
-    )
-    rss = sums.yy - (coefficients * sums.xy).sum(axis=1)
+    xx, xy, yy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
+    coefficients = (np.linalg.pinv(xx, rcond=1e-12) @ xy[..., None])[..., 0]
+    rss = yy - (coefficients * xy).sum(axis=1)
     at = int(rss.argmin())
     return LAGS[at], coefficients[at], float(rss[at])
 
@@ -500,19 +453,12 @@ def clutch_trend(levels: Sequence[SlipLevel], *, idle: float | None) -> ClutchTr
     """
     if len(levels) < LEAST_TREND:
         return None
-    number = np.array([level.number for level in levels], dtype=np.float64)
-    current = np.array([level.current for level in levels])
-    centred = number - number.mean()
-    squares = float(centred @ centred)
-    slope = float(centred @ current) / squares
-    rest = current - current.mean() - slope * centred
-    deviation = math.sqrt(float(rest @ rest) / (number.size - 2) / squares)
-    per_throw = Estimate.of(slope, deviation, number.size - 1)
-    share = None
-    if idle is not None:
-        first = float(current.mean() - slope * (number.mean() - number.min())) - idle
-        if first > 0.0:  # else the idle current is not one of this clutch
-            share = Estimate.of(slope / first, deviation / first, number.size - 1)
+    number = np.array([level.number - levels[0].number for level in levels], dtype=np.float64)
+    (slope, first), covariance = np.polyfit(number, [one.current for one in levels], 1, cov=True)
+    deviation, count = math.sqrt(covariance[0, 0]), len(levels) - 1
+    per_throw, share = Estimate.of(float(slope), deviation, count), None
+    if idle is not None and first > idle:  # else the idle current is not one of this clutch
+        share = Estimate.of(float(slope / (first - idle)), deviation / (first - idle), count)
     return ClutchTrend(
         per_throw=per_throw, share=share, changes=per_throw.low > 0.0 or per_throw.high < 0.0
     )

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from turnout.calibration.machine_estimates.current_fit import NORMAL_REACH, Estimate, TorqueCurve
+from turnout.calibration.machine_estimates.current_fit import Estimate, TorqueCurve
 from turnout.core.errors import MachineError
 
 AnchorKind = Literal["force at the drive", "clutch-force gauge", "sister machine"]
@@ -79,10 +79,7 @@ class ForceAnchor:
         variance += (self.idle_deviation * by_idle) ** 2 + max(bent, 0.0) * by_slope**2
         variance += (self.scale_deviation * force) ** 2
         variance += 2.0 * self.covariance * by_idle * by_slope
-        spread = math.sqrt(max(variance, 0.0))
-        return Estimate(
-            force, spread, force - NORMAL_REACH * spread, force + NORMAL_REACH * spread, 1
-        )
+        return Estimate.of(force, 0.0, 1, common=math.sqrt(max(variance, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
