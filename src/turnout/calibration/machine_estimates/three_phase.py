@@ -128,10 +128,10 @@ class ThreePhaseFit:
     """
 
     drive: str
-    throws: int
+    throws: int = 0
     missing: tuple[str, ...]
-    voltage: float
-    power: float
+    voltage: float = math.nan
+    power: float = math.nan
     rated_voltage: float
     current: Estimate | NotIdentified
     per_volt: Estimate | NotIdentified
@@ -139,11 +139,11 @@ class ThreePhaseFit:
     resistance: Estimate | NotIdentified
     saturation: Estimate | NotIdentified
     loss: Estimate | NotIdentified
-    leakage: Estimate | None
+    leakage: Estimate | None = None
     rotor: NotIdentified
-    left: tuple[float, float]
-    departures: tuple[Departure, ...]
-    starts: tuple[int, int]
+    left: tuple[float, float] = (math.nan, math.nan)
+    departures: tuple[Departure, ...] = ()
+    starts: tuple[int, int] = (0, 0)
 
     @property
     def verdict(self) -> str:
@@ -230,24 +230,19 @@ def fit_three_phase(
         problems.append(f"{text}{': ' * bool(has)}{', '.join(has)}")
     if problems:
         raise MeasurementError(problems, source="three-phase fit")
-    found: list[tuple[str, list[ThrowMeans]]] = []
+    known: dict[str, list[ThrowMeans]] = {}
     for drive, there in rows.items():
-        if len(there) < LEAST_CHANNELS:
-            found.append((drive, []))
-            continue
-        if "+" in drive:
-            problems.append(f"drive {drive}: the current of two machines is that of neither")
-            continue
-        throws = list(throw_means(campaign, there, to_neutral=to_neutral))
-        problems += contradictions(throws, drive, rated_voltage, to_neutral=to_neutral)
-        found.append((drive, throws))
+        if len(there) >= LEAST_CHANNELS:
+            known[drive] = list(throw_means(campaign, there, to_neutral=to_neutral))
+            problems += contradictions(known[drive], drive, rated_voltage, to_neutral=to_neutral)
     fits = []
-    for drive, throws in [] if problems else found:
-        if not throws:
-            fits.append(_untold(drive, rows[drive], rated_voltage))
-            continue
+    for drive, there in [] if problems else rows.items():
         try:
-            fits.append(fit_throws(drive, throws, rated_voltage=rated_voltage, free=free))
+            fits.append(
+                fit_throws(drive, known[drive], rated_voltage=rated_voltage, free=free)
+                if drive in known
+                else _untold(drive, there, rated_voltage)
+            )
         except MeasurementError as error:
             problems += error.problems
     if problems:
@@ -265,10 +260,7 @@ def _untold(drive: str, there: Container[str], rated_voltage: float) -> ThreePha
     without = NotIdentified(reason=f"{' and '.join(missing)} not recorded")
     return ThreePhaseFit(
         drive=drive,
-        throws=0,
         missing=missing,
-        voltage=math.nan,
-        power=math.nan,
         rated_voltage=rated_voltage,
         current=without,
         per_volt=without,
@@ -276,11 +268,7 @@ def _untold(drive: str, there: Container[str], rated_voltage: float) -> ThreePha
         resistance=without,
         saturation=without,
         loss=without,
-        leakage=None,
         rotor=without if missing else NO_INRUSH,
-        left=(math.nan, math.nan),
-        departures=(),
-        starts=(0, 0),
     )
 
 
@@ -309,14 +297,13 @@ class _Blocks:
 
 
 def _blocks(throws: Sequence[ThrowMeans]) -> _Blocks:
-    first = throws[0]
-    sizes = [next(v for v in (t.current, t.power) if v is not None).size for t in throws]
+    sizes = [next(iter(t.blocks.values())).size for t in throws]
     throw = np.repeat(np.arange(len(throws)), sizes)
 
     def joined(what: str, *, turned: bool) -> Floats:
-        if getattr(first, what) is None:
+        if what not in throws[0].blocks:
             return np.zeros(throw.size)
-        halves = (getattr(t, what) for t in throws)
+        halves = (t.blocks[what] for t in throws)
         return np.concatenate([(h[::-1] if turned else h).ravel() for h in halves])
 
     current = joined("current", turned=False)
@@ -344,14 +331,14 @@ class _Fitted:
     covariance: Floats
     left: Floats
 
-    def parameter(self, at: int, count: int) -> Estimate:
+    def parameter(self, at: int) -> Estimate:
         """Return the estimate of a parameter."""
-        return self.estimate(np.eye(self.values.size)[at], float(self.values[at]), count)
+        return self.estimate(np.eye(self.values.size)[at], float(self.values[at]))
 
-    def estimate(self, gradient: Floats, value: float, count: int) -> Estimate:
+    def estimate(self, gradient: Floats, value: float) -> Estimate:
         """Return the estimate of a function of the parameters by its gradient."""
         variance = float(gradient @ self.covariance @ gradient)
-        return Estimate.of(value, math.sqrt(max(variance, 0.0)), count)
+        return Estimate.of(value, math.sqrt(max(variance, 0.0)), self.left.size)
 
 
 def _fitted(
@@ -431,33 +418,26 @@ def fit_throws(
     MeasurementError
         Where the copper would take more than a machine's power leaves it.
     """
-    fit = _untold(drive, [w for w in CHANNELS if getattr(throws[0], w) is not None], rated_voltage)
-    missing, blocks = fit.missing, _blocks(throws)
+    fit, blocks = _untold(drive, throws[0].blocks, rated_voltage), _blocks(throws)
     loaded = np.array([t.name not in free for t in throws])
-    u, p = (
-        float(blocks.mean(values)[loaded].mean()) if letter not in missing else math.nan
-        for letter, values in (("U", blocks.voltage), ("P", blocks.power))
+    u, p = (float(blocks.mean(row)[loaded].mean()) for row in (blocks.voltage, blocks.power))
+    fit = replace(
+        fit,
+        throws=len(throws),
+        voltage=math.nan if "U" in fit.missing else u,
+        power=math.nan if "P" in fit.missing else p,
     )
-    fit = replace(fit, throws=len(throws), voltage=u, power=p)
-    if "I" in missing:
+    if "I" in fit.missing:
         return fit
-    line = _straight_line(blocks, u, p)
-    if missing:
-        return _with_line(fit, line)
-    return _with_circuit(fit, line, blocks, throws, free)
-
-
-def _with_line(fit: ThreePhaseFit, line: _Fitted) -> ThreePhaseFit:
-    """Return what current and either voltage or power tell."""
+    line = _straight_line(blocks, (u, p))
     fit = replace(fit, left=(math.nan, _rms(line.left)))
     if "U" in fit.missing:
-        return replace(fit, per_watt=_stated(line, 2, fit.throws))
-    at_rated = np.array([1.0, fit.rated_voltage - fit.voltage, 0.0, 0.0])
-    return replace(
-        fit,
-        current=line.estimate(at_rated, float(at_rated @ line.values), fit.throws),
-        per_volt=_stated(line, 1, fit.throws),
-    )
+        return replace(fit, per_watt=_stated(line, 2))
+    if "P" in fit.missing:
+        at_rated = np.array([1.0, rated_voltage - u, 0.0, 0.0])
+        current = line.estimate(at_rated, float(at_rated @ line.values))
+        return replace(fit, current=current, per_volt=_stated(line, 1))
+    return _with_circuit(fit, line, blocks, throws, free)
 
 
 def _with_circuit(
@@ -468,55 +448,48 @@ def _with_circuit(
     free: Sequence[str],
 ) -> ThreePhaseFit:
     """Return what voltage, current and power tell."""
-    u, p, count = fit.voltage, fit.power, fit.throws
-    fitted, same, leakage, rotor = _circuit(blocks, throws, (u, p), line)
-    most = _largest_resistance(p, line)
-    copper = fitted.parameter(1, count).low / most
+    point, most = (fit.voltage, fit.power), _largest_resistance(fit.power, line)
+    fitted, same, leakage, rotor = _circuit(blocks, throws, point, line)
+    resistance = fitted.parameter(1)
+    copper = resistance.low / most
     if copper > MOST_COPPER:
         text = (
             f"drive {fit.drive}: by its slopes line and stator take {100 * copper:.0f} % of the "
             f"power or more, {100 * MOST_COPPER:.0f} % at most are possible: {ONE_PHASE}"
         )
         raise MeasurementError([text], source="three-phase fit")
-    current, per_volt = _over_throws(fitted, blocks, (u, p), fit.rated_voltage)
+    current, per_volt = _over_throws(fitted, blocks, point, fit.rated_voltage)
     return replace(
         fit,
         current=current,
         per_volt=per_volt,
-        per_watt=_per_watt(fitted, line, (u, p), count),
-        resistance=_stated(fitted, 1, count, most=most),
-        saturation=_stated(fitted, 2, count, most=MOST_SATURATION),
-        loss=_loss(throws, free, fitted.parameter(1, count)),
+        per_watt=_per_watt(fitted, line, point),
+        resistance=_stated(fitted, 1, most=most),
+        saturation=_stated(fitted, 2, most=MOST_SATURATION),
+        loss=_loss(throws, free, resistance),
         leakage=leakage,
         rotor=rotor,
-        left=(_rms(fitted.left), _rms(line.left)),
+        left=(_rms(fitted.left), fit.left[1]),
         departures=tuple(_departures(blocks, fitted.left)),
         starts=(same, len(STARTS)),
     )
 
 
-def _straight_line(blocks: _Blocks, voltage: float, power: float) -> _Fitted:
+def _straight_line(blocks: _Blocks, point: tuple[float, float]) -> _Fitted:
     """Return the line I = I_0 + b (U - U_0) + c (P - P_0); a column that is missing has 0."""
-    dead = [not math.isfinite(value) for value in (voltage, power)]
 
     def model(x: Floats, given: _Blocks) -> Floats:
-        rise = np.zeros(given.current.size) if dead[0] else x[1] * (given.voltage - voltage)
-        return np.asarray(x[0] + rise + (0.0 if dead[1] else x[2] * (given.power - power)))
+        rise = x[1] * (given.voltage - point[0])
+        return np.asarray(x[0] + rise + x[2] * (given.power - point[1]))
 
     free = np.full(4, np.inf)
     start = np.array([float(blocks.current.mean()), 0.02, -1e-4, 0.0])
     return _fitted(model, blocks, [start], (-free, free))[0]
 
 
-def _circuit_of(x: Floats, voltage: float, power: float) -> SupplyCircuit:
-    return SupplyCircuit(
-        voltage=voltage,
-        power=power,
-        current=float(x[0]),
-        resistance=float(x[1]),
-        saturation=float(x[2]),
-        leakage=float(x[3]),
-    )
+def _circuit_of(x: Floats, point: tuple[float, float]) -> SupplyCircuit:
+    """Return the circuit through voltage and power by current, R, n and X_l there."""
+    return SupplyCircuit(*point, *x[:4])
 
 
 def _circuit(
@@ -538,7 +511,7 @@ def _circuit(
 
     def fit(starts: Sequence[Floats], reactance: float) -> tuple[_Fitted, int]:
         def model(x: Floats, given: _Blocks) -> Floats:
-            circuit = _circuit_of(np.insert(x, 3, reactance), *point)
+            circuit = _circuit_of(np.insert(x, 3, reactance), point)
             return circuit.current_at(given.voltage, given.power)
 
         return _fitted(model, blocks, starts, bounds)
@@ -548,8 +521,8 @@ def _circuit(
     inrush = np.array([t.inrush for t in throws if t.inrush is not None])
     resolved = len(inrush) >= max(LEAST_THROWS, LEAST_RESOLVED * len(throws))
     for _ in range(2 if resolved else 0):
-        circuit = _circuit_of(np.insert(fitted.values, 3, leakage.value), *point)
-        resistance = fitted.parameter(1, len(throws))
+        circuit = _circuit_of(np.insert(fitted.values, 3, leakage.value), point)
+        resistance = fitted.parameter(1)
         leakage, rotor = _rotor_branch(circuit, inrush, resistance.high - resistance.value)
         fitted, _ = fit([fitted.values], leakage.value)
     moved, _ = fit([fitted.values], leakage.value + leakage.deviation)
@@ -589,11 +562,9 @@ def _largest_resistance(power: float, line: _Fitted) -> float:
     return power / (3.0 * float(line.values[0]) ** 2)
 
 
-def _stated(
-    fitted: _Fitted, at: int, count: int, *, most: float = math.inf
-) -> Estimate | NotIdentified:
+def _stated(fitted: _Fitted, at: int, *, most: float = math.inf) -> Estimate | NotIdentified:
     """Return a parameter, unless its deviation is too large or it lies at its bound."""
-    found = fitted.parameter(at, count)
+    found = fitted.parameter(at)
     if found.value > 0.99 * most:
         return NotIdentified(reason=f"lies at its bound of {most:.3g}")
     stated = _or_not(found)
@@ -629,7 +600,7 @@ def _over_throws(
     across = blocks.mean(blocks.voltage)
     across, way, count = across - across.mean(), rated_voltage - point[0], blocks.count
     square = float(across @ across)
-    circuit = _circuit_of(fitted.values, *point)
+    circuit = _circuit_of(fitted.values, point)
     volts = point[0] + np.array([-1.0, 0.0, 1.0, way])
     low, middle, high, there = circuit.current_at(volts, np.full(4, point[1]))
     alike, rated = square <= 0.0, abs(way) <= 1e-9 * rated_voltage
@@ -657,33 +628,30 @@ def _over_throws(
 
 
 def _per_watt(
-    fitted: _Fitted, line: _Fitted, point: tuple[float, float], count: int
+    fitted: _Fitted, line: _Fitted, point: tuple[float, float]
 ) -> Estimate | NotIdentified:
     """Return the slope of the circuit's current with the power.
 
     Where all throws have one voltage R and saturation are not known, but what they give together
     is, as well as the straight line has it and but for what both differ by.
     """
+    from scipy.optimize import approx_fprime
 
     def value_of(x: Floats) -> float:
         power = point[1] + np.array([-5.0, 5.0])
-        low, high = _circuit_of(x, *point).current_at(np.full(2, point[0]), power)
+        low, high = _circuit_of(x, point).current_at(np.full(2, point[0]), power)
         return 0.1 * float(high - low)
 
-    x, gradient = fitted.values, np.zeros(fitted.values.size)
-    for k in range(4):
-        step = np.zeros(x.size)
-        step[k] = 1e-4 * abs(x[k]) + 1e-9
-        gradient[k] = (value_of(x + step) - value_of(x - step)) / (2.0 * step[k])
-    value = value_of(x)
+    x = fitted.values
+    value, gradient = value_of(x), approx_fprime(x, value_of, 1e-5 * np.abs(x) + 1e-9)
     if not np.isfinite([value, *gradient]).all():
         return NO_POINT
-    found = _or_not(fitted.estimate(gradient, value, count))
+    found = _or_not(fitted.estimate(gradient, value))
     if isinstance(found, Estimate):
         return found
-    straight = line.parameter(2, count)
+    straight = line.parameter(2)
     apart = abs(value - straight.value)
-    return _or_not(Estimate.of(value, straight.deviation, count, common=apart))
+    return _or_not(Estimate.of(value, straight.deviation, straight.count, common=apart))
 
 
 def _loss(
@@ -693,11 +661,9 @@ def _loss(
 
     Without such throws the least that is left of any is above it.
     """
-    powers, squares = (
-        np.array([float(v.mean()) for t in throws if (v := getattr(t, what)) is not None])
-        for what in ("power", "current")
-    )
-    squares, chosen = squares**2, np.array([t.name in free for t in throws])
+    powers = np.array([t.mean("power") for t in throws])
+    squares = np.array([t.mean("current") for t in throws]) ** 2
+    chosen = np.array([t.name in free for t in throws])
     inside = powers - 3.0 * resistance.value * squares
     if chosen.sum() < 2:
         most = float(inside.min()) + 3.0 * float(squares.mean()) * (

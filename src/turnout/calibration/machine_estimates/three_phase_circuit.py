@@ -27,7 +27,7 @@ SOLVED = 1e-12
 MOST_STEPS = 40
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class SupplyCircuit:
     """A three-phase machine behind R, through one point of operation.
 

@@ -34,7 +34,8 @@ VOLTAGE_RANGE = (0.7, 1.4)
 POWER_PER_AMPERE = 200.0
 """Power that counts as an ampere where the running time is sought in power alone [W/A]."""
 ONE_PHASE = (
-    "another unit, or power of one phase; give the others too (phases = [...] in the channel map)"
+    "another unit, or power of one phase or two; give those of all (phases = [...] in the channel "
+    "map), or leave the power out: current and slope with the voltage need none"
 )
 CHANNELS = {"voltage": "drive_voltage", "current": "drive_current", "power": "drive_power"}
 
@@ -46,18 +47,20 @@ class ThrowMeans:
     Attributes
     ----------
     name : str
-    voltage, current, power : ndarray, shape (2, n_blocks), or None
-        Means over the even and the odd samples of each block: between lines [V], of a line [A],
-        active [W]; None where not recorded.
+    blocks : mapping of str to ndarray, shape (2, n_blocks)
+        Means over the even and the odd samples of each block of what was recorded, by the names of
+        `CHANNELS`: between lines [V], of a line [A], active [W].
     inrush : tuple of float or None
         Voltage, current and power of the sample with the largest current.
     """
 
     name: str
-    voltage: Floats | None
-    current: Floats | None
-    power: Floats | None
+    blocks: Mapping[str, Floats]
     inrush: tuple[float, float, float] | None
+
+    def mean(self, what: str) -> float:
+        """Return the mean of a quantity that was recorded."""
+        return float(self.blocks[what].mean())
 
 
 def recorded(campaign: xr.Dataset, drive: str) -> dict[str, Floats]:
@@ -100,27 +103,22 @@ def throw_means(
             for what, values in one.items()
         }
         start = np.flatnonzero(known & (time >= on - 0.1) & (time <= on + SETTLED))
-        yield ThrowMeans(
-            name=name,
-            voltage=means.get("voltage"),
-            current=means.get("current"),
-            power=means.get("power"),
-            inrush=_inrush({what: v[start] for what, v in one.items()}, means.get("current")),
-        )
+        inrush = _inrush({what: v[start] for what, v in one.items()}, means)
+        yield ThrowMeans(name=name, blocks=means, inrush=inrush)
 
 
 def _inrush(
-    start: Mapping[str, Floats], running: Floats | None
+    start: Mapping[str, Floats], running: Mapping[str, Floats]
 ) -> tuple[float, float, float] | None:
     """Return voltage, current and power at the largest current of the start.
 
     None without one of them, or where no neighbour is near it: the motor ran up within a sample.
     """
-    if len(start) < len(CHANNELS) or running is None or start["current"].size < 3:
+    if len(start) < len(CHANNELS) or start["current"].size < 3:
         return None
     current = start["current"]
     at = int(current[1:-1].argmax()) + 1
-    least = max(current[at] * RESOLVED, LEAST_INRUSH * float(np.median(running)))
+    least = max(current[at] * RESOLVED, LEAST_INRUSH * float(np.median(running["current"])))
     if max(current[at - 1], current[at + 1]) < least:
         return None
     u, i, p = (float(start[what][at]) for what in CHANNELS)
@@ -131,6 +129,9 @@ def contradictions(
     throws: Sequence[ThrowMeans], drive: str, rated_voltage: float, *, to_neutral: bool
 ) -> Iterator[str]:
     """Yield what voltage, current and power of a drive cannot be together."""
+    if "+" in drive:
+        yield f"drive {drive}: the current of two machines is that of neither"
+        return
     if len(throws) < LEAST_THROWS:
         yield (
             f"drive {drive}: its motor runs steadily in {len(throws)} movements, "
@@ -139,23 +140,21 @@ def contradictions(
         return
     names: dict[bytes, str] = {}
     for t in throws:
-        means = [v for what in CHANNELS if (v := getattr(t, what)) is not None]
-        known = names.setdefault(b"".join(v.tobytes() for v in means), t.name)
-        if known != t.name and all(np.ptp(v) > 0.0 for v in means):  # coarse steps agree by chance
+        known = names.setdefault(b"".join(v.tobytes() for v in t.blocks.values()), t.name)
+        # coarse steps agree by chance
+        if known != t.name and all(np.ptp(v) > 0.0 for v in t.blocks.values()):
             yield f"drive {drive}: {known} and {t.name} are one recording; leave one out"
             return
+    means = {what: [t.mean(what) for t in throws] for what in throws[0].blocks}
     least, most = CURRENT_RANGE
-    currents = [float(t.current.mean()) for t in throws if t.current is not None]
-    if wrong := [value for value in currents if not least <= value <= most]:
+    if wrong := [value for value in means.get("current", ()) if not least <= value <= most]:
         yield (
             f"drive {drive}: runs with {wrong[0]:.4g} A, {least:g} to {most:g} A are usual: "
             "another unit; state it in the channel map"
         )
         return
     low, high = (share * rated_voltage for share in VOLTAGE_RANGE)
-    voltages = [float(t.voltage.mean()) for t in throws if t.voltage is not None]
-    beyond = [v for v in voltages if not low <= v <= high]
-    if beyond:
+    if beyond := [value for value in means.get("voltage", ()) if not low <= value <= high]:
         turn, kind = "give", "voltages of a phase to neutral"
         if to_neutral:
             turn, kind = "leave out", "voltages between lines"
@@ -164,26 +163,24 @@ def contradictions(
             f"{kind} ({turn} to_neutral, --to-neutral)"
         )
         return
-    factors = []
-    for t in throws:
-        if t.current is None or t.power is None:
-            continue
-        voltage = float(t.voltage.mean()) if t.voltage is not None else rated_voltage
-        current, power = float(t.current.mean()), float(t.power.mean())
-        most = math.sqrt(3.0) * voltage * current
-        slack = 1.0 if t.voltage is not None else VOLTAGE_RANGE[1]
-        factors.append(power / most)
+    if not {"current", "power"} <= means.keys():
+        return
+    factors, slack = [], 1.0 if "voltage" in means else VOLTAGE_RANGE[1]
+    voltages = means.get("voltage", [rated_voltage] * len(throws))
+    for t, u, i, p in zip(throws, voltages, means["current"], means["power"], strict=True):
+        most = math.sqrt(3.0) * u * i
+        factors.append(p / most)
         if factors[-1] > slack:
             yield (
-                f"drive {drive}, {t.name}: {power:.4g} W with {current:.4g} A and {voltage:.4g} V; "
+                f"drive {drive}, {t.name}: {p:.4g} W with {i:.4g} A and {u:.4g} V; "
                 f"sqrt(3) U I is {most:.4g} VA and power factors are at most 1: another unit, a "
                 "phase that is missing, or voltages of a phase to neutral"
             )
             return
-    direct = [math.sqrt(3.0) * factor - 1.0 for factor in factors if voltages]
-    if direct and max(map(abs, direct)) < DIRECT:
+    direct = max(abs(math.sqrt(3.0) * factor - 1.0) for factor in factors) < DIRECT
+    if direct and "voltage" in means:
         yield f"drive {drive}: P is U I in all throws: direct current; leave out --three-phase"
-    elif factors and (factor := float(np.median(factors))) < LEAST_FACTOR:
+    elif (factor := float(np.median(factors))) < LEAST_FACTOR:
         yield (
             f"drive {drive}: power factors are {LEAST_FACTOR:g} and more, this is {factor:.2g}: "
             + ONE_PHASE
