@@ -3,7 +3,7 @@
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,10 +18,9 @@ from turnout.machine.compute import places as at
 from turnout.machine.rows import machine_room
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.arrange import Grid
-from turnout.solver.outcome import Code
-from turnout.solver.record import give_place
-from turnout.solver.rods import Rods, all_stand, store_rods
-from turnout.solver.state import Run, State, acquire_buffer
+from turnout.solver.rods import Rods
+from turnout.solver.schedule import Pause, new_schedule, stop_rows
+from turnout.solver.state import Run, acquire_buffer
 
 Floats = NDArray[np.float64]
 
@@ -147,25 +146,6 @@ _BALANCE = np.zeros(at.SUMS)
 """Weights of the sums of a machine in its energy balance."""
 _BALANCE[[at.SUPPLY, at.HAND]] = 1.0
 _BALANCE[[*itertools.chain(*LOSSES.values()), at.INTO_STORES, at.ROD_INPUT]] = -1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Pause:
-    """When the schedule stands still for machines: from `begin` on, for a `length` [s]."""
-
-    begin: float
-    length: float
-
-
-def schedule_time(time: Floats, pauses: Sequence[Pause]) -> Floats:
-    """Return the time of the schedule at times of a run [s].
-
-    Examples
-    --------
-    >>> schedule_time(np.array([1.0, 2.5, 4.0]), [Pause(2.0, 1.5)])
-    array([1. , 2. , 2.5])
-    """
-    return time - sum(np.clip(time - item.begin, 0.0, item.length) for item in pauses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,8 +320,13 @@ def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
     return found
 
 
-def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods | None:
+def new_rods(
+    run: Run, mechanism: Mechanism, scheme: Scheme, grid: Grid, ends: Sequence[float]
+) -> Rods | None:
     """Arrange the machines of a mechanism for the kernels; None where there are none.
+
+    `ends` are those of the movements of markers, by the schedule; a watched run is kept whole
+    there [s].
 
     Raises
     ------
@@ -358,7 +343,7 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
             '"waveform", or leave out drive.N.machine'
         )
         raise SolverError(message)
-    n = len(given.names)
+    n, count = len(given.names), grid.n_stored
     width = at.TRACED if run.record.places.size else at.STATES
     size = count * n * width
     memory = np.empty(size) if width < at.STATES else acquire_buffer(size)[:size]
@@ -387,7 +372,13 @@ def new_rods(run: Run, mechanism: Mechanism, scheme: Scheme, count: int) -> Rods
         booked=kept if width == at.STATES else np.empty((books, n, at.STATES)),
         booked_given=np.empty((books, n)),
         stood=np.ones(n, dtype=np.int64),
-        wait=np.zeros(2, dtype=np.int64),
+        schedule=new_schedule(grid.room, grid.check),
+        stops=stop_rows([(stop.step, stop.rest, stop.longest) for stop in grid.stops]),
+        stop_times=np.array([stop.time for stop in grid.stops]),
+        pauses=np.zeros((len(grid.stops), 2)),
+        ends=np.array(ends, dtype=np.float64),
+        planned=given.commands,
+        markers=run.positions[:0] if n == run.positions.shape[1] else run.positions.copy(),
     )
     return shared_record(rods)
 
@@ -399,118 +390,6 @@ def most_places(machines: DriveMachines, grid: Grid, ends: Sequence[float]) -> i
     """
     commands = int(np.isfinite(machines.commands[:, :, 0]).sum())
     return commands + len(grid.stops) * (4 + len(ends))
-
-
-def start_rods(run: Run, state: State, rods: Rods) -> None:
-    """Start the machines from the rails at rest, and store the first instant."""
-    rods.before[:] = state.g[rods.place] - rods.shift
-    rods.rod_before[:] = rods.state[:, at.ROD_POSITION]
-    rods.force[:] = run.work.force[rods.law]
-    rods.state[:, at.ROD_FORCE] = -rods.force
-    store_rods(run, state, rods, run.positions[0], 0)
-
-
-March = Callable[[int, int], tuple[Code, int]]
-"""Marches from one step to another; returns the outcome and the step reached."""
-
-
-def march_schedule(
-    run: Run,
-    rods: Rods | None,
-    grid: Grid,
-    inputs: Callable[[Floats], Floats],
-    march: March,
-    ends: Sequence[float] = (),
-) -> tuple[Code, int, tuple[Pause, ...]]:
-    """March to the end of the schedule, which pauses while machines that it waits for move.
-
-    Parameters
-    ----------
-    run, rods : Run, Rods
-        Inputs and commands that a pause postpones are changed.
-    grid : Grid
-        With its stops.
-    inputs : callable
-        Marker positions by the time of the schedule, as `integrate` takes them.
-    march : callable
-        From one step to another.
-    ends : sequence of float
-        Of movements of markers, by the time of the schedule; a watched run is kept whole there [s].
-
-    Returns
-    -------
-    tuple of Code, int and tuple of Pause
-        Outcome, step reached, and a pause for each stop that was reached.
-    """
-    pauses, code, done, late = list[Pause](), Code.COMPLETE, 0, 0
-    commands = np.zeros((0, 0, 2)) if rods is None else rods.commands.copy()
-    for stop in grid.stops:
-        _keep_whole(run, [stop.step + late])
-        code, done = march(done, stop.step + late)
-        pauses.append(Pause(stop.time + late * run.options.step, 0.0))
-        if code == Code.COMPLETE and stop.longest and _is_moving(rods):
-            begun, last = done, min(done + stop.longest, grid.room)
-            pauses[-1] = replace(pauses[-1], length=math.inf)
-            _postpone(run, rods, commands, inputs, pauses, done)
-            code, done = _march_to_rest(run, rods, march, (done, last, grid.check))
-            if code == Code.COMPLETE:
-                _keep_whole(run, [rest := min(done + stop.rest, grid.room)])
-                code, done = march(done, rest)
-            late += done - begun
-            pauses[-1] = replace(pauses[-1], length=(done - begun) * run.options.step)
-            _postpone(run, rods, commands, inputs, pauses, done)
-            _keep_whole(run, [late + e / run.options.step for e in ends if e > stop.time])
-        if code != Code.COMPLETE:
-            break
-        if _is_moving(rods) and done < grid.room:
-            _keep_whole(run, [done + run.options.stride])  # the end of an unfinished movement
-    return code, done, tuple(pauses)
-
-
-def _march_to_rest(
-    run: Run, rods: Rods | None, march: March, steps: tuple[int, int, int]
-) -> tuple[Code, int]:
-    """March until all machines stand; `steps` are the first, the last, and from check to check."""
-    done, last, every = steps
-    if rods is None:
-        return march(done, last)
-    _keep_whole(run, [last])
-    rods.wait[:] = every, done
-    found = march(done, last)
-    rods.wait[0] = 0
-    return found
-
-
-def _keep_whole(run: Run, steps: Iterable[float]) -> None:
-    """Let a watched run keep the first stored instants from some steps on whole."""
-    for step in steps:
-        row = math.ceil(step / run.options.stride - 1e-6)
-        if row < run.record.places.shape[0]:
-            give_place(run.record, row)
-
-
-def _is_moving(rods: Rods | None) -> bool:
-    """Return whether a motor is on, or a gear still turns."""
-    return rods is not None and not all_stand(rods)
-
-
-def _postpone(
-    run: Run,
-    rods: Rods | None,
-    commands: Floats,
-    inputs: Callable[[Floats], Floats],
-    pauses: Sequence[Pause],
-    done: int,
-) -> None:
-    """Write the commands, and the inputs from a step on, that follow from some pauses."""
-    if rods is not None:
-        later = slice(len(pauses), None)  # a pause precedes each movement but the first
-        total = sum(item.length for item in pauses)
-        rods.commands[:, later, 0] = commands[:, later, 0] + total
-    if rods is not None and rods.input.size == run.positions.shape[1]:
-        return
-    times = run.options.step * np.arange(done + 1, len(run.positions), dtype=np.float64)
-    run.positions[done + 1 :] = inputs(schedule_time(times, pauses)).T
 
 
 def machine_history(

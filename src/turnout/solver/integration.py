@@ -26,16 +26,7 @@ from turnout.solver.arrange import (
     set_up_run,
 )
 from turnout.solver.condense import CondensedRails
-from turnout.solver.driven import (
-    MachineHistory,
-    Pause,
-    machine_history,
-    march_schedule,
-    most_places,
-    new_rods,
-    schedule_time,
-    start_rods,
-)
+from turnout.solver.driven import MachineHistory, machine_history, most_places, new_rods
 from turnout.solver.energy import energy_balance, folded_energy
 from turnout.solver.march import march, march_with_machines, store_instant
 from turnout.solver.modal import ModalModel
@@ -51,7 +42,8 @@ from turnout.solver.record import (
     trim_record,
     trim_watched,
 )
-from turnout.solver.rods import Rods
+from turnout.solver.rods import Rods, start_rods
+from turnout.solver.schedule import DUE, Pause, end_pause, pauses_until, schedule_time
 from turnout.solver.solve import equilibrium_residual
 from turnout.solver.start import (
     PriorMotion,
@@ -265,7 +257,7 @@ def _march_from_start(
     rods: Rods | None,
     report: Callable[[int, int], None] | None,
 ) -> tuple[Code, int, tuple[Pause, ...]]:
-    """Find the start and march through the schedule; return outcome, steps done, and pauses."""
+    """Find the start and march to the end of the schedule; return outcome, steps done, pauses."""
     _compile_march(run, state, rods, after_motion=given.start is not None)
     code = find_start(run, state, given.setup.arrangement, given.start)
     if code != Code.COMPLETE:
@@ -274,11 +266,8 @@ def _march_from_start(
         start_rods(run, state, rods)
     store_instant(run, state, 0)
 
-    def march(first: int, last: int) -> tuple[Code, int]:
-        return _march_in_chunks(run, state, rods, (first, last, given.grid.n_steps), report)
-
-    ends = given.setup.save.save_at.whole
-    return march_schedule(run, rods, given.grid, given.inputs, march, ends)
+    code, done = _march_in_chunks(run, state, rods, given.grid, report)
+    return code, done, () if rods is None else pauses_until(run, rods, done)
 
 
 def _judge(
@@ -312,7 +301,7 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
     arrangement, plan, stride = setup.arrangement, setup.save, grid.stride
     mechanism = arrangement.mechanism
     run, state = prepare(setup)
-    rods = new_rods(run, mechanism, scheme, grid.n_stored)
+    rods = new_rods(run, mechanism, scheme, grid, plan.save_at.whole)
     code, done, pauses = _march_from_start(given, run, state, rods, report)
     kept = 0 if code in WITHOUT_START else done // stride + 1
     booked = plan.rows(2, kept)
@@ -387,7 +376,13 @@ def _compile_march(run: Run, state: State, rods: Rods | None, *, after_motion: b
     needed = {rods is not None, False} if after_motion else {rods is not None}
     if needed <= _at_hand:
         return
-    loops = [(march_with_machines, (run, state, 0, 0, rods))] if True in needed else []
+    loops: list[tuple[Callable[..., object], tuple[object, ...]]] = []
+    if True in needed:
+        loops = [
+            (march_with_machines, (run, state, 0, 0, rods)),
+            (start_rods, (run, state, rods)),
+            (end_pause, (run, rods, 0)),
+        ]
     loops += [(march, (run, state, 0, 0, None))] if False in needed else []
     kernels = (equilibrium, settle, anchor_at_rest, equilibrium_residual)
     of_start = [(kernel, (run, state)) for kernel in kernels]
@@ -399,14 +394,11 @@ def _march_in_chunks(
     run: Run,
     state: State,
     rods: Rods | None,
-    steps: tuple[int, int, int],
+    grid: Grid,
     report: Callable[[int, int], None] | None,
 ) -> tuple[Code, int]:
-    """March in chunks of about `REPORT_INTERVAL`, and report after each.
-
-    `steps` are the first, the last, and all of the schedule.
-    """
-    done, until, n_steps = steps
+    """March to the end in chunks of about `REPORT_INTERVAL`, and report after each."""
+    done, until = 0, grid.n_steps if rods is None else grid.room
     chunk = FIRST_WITHOUT_REPORT if report is None else FIRST_REPORT
     try:
         while done < until:
@@ -414,12 +406,14 @@ def _march_in_chunks(
             last = min(done + chunk, until)
             with held_interrupt():
                 number, done = _march(run, state, rods, done, last)
-            if number != Code.COMPLETE or done < last:  # machines that it waited for have arrived
+            if number != Code.COMPLETE:
                 return Code(number), done
             took = max(time.perf_counter() - began, 1e-3)
             chunk = max(1, round(chunk * min(REPORT_INTERVAL / took, 4.0)))
             if report is not None:
-                report(done, max(n_steps, until))
+                report(done, max(grid.n_steps, 0 if rods is None else int(rods.schedule[DUE])))
+            if done < last:  # the schedule of machines has ended
+                break
     except KeyboardInterrupt:  # between two kernels
         return Code.INTERRUPTED, done
     return Code.COMPLETE, done

@@ -58,7 +58,6 @@ from turnout.solver.record import store_seen
 from turnout.solver.rods import (
     Rods,
     accept_rods,
-    have_arrived,
     iterate_rods,
     meet_rods,
     move_rods,
@@ -66,6 +65,7 @@ from turnout.solver.rods import (
     rods_may_stay,
     store_rods,
 )
+from turnout.solver.schedule import schedule_ends
 from turnout.solver.solve import (
     CONVERGED,
     DRIFTS,
@@ -497,7 +497,7 @@ def march(
 ) -> tuple[int, int]:
     """Step from instant `first` to instant `last`; return the outcome code and the instant reached.
 
-    It ends early where machines that it waits for have arrived.
+    It ends early where the schedule of machines does.
 
     Parameters
     ----------
@@ -511,6 +511,9 @@ def march(
     nominal = step_factors(options, options.step)
     whole = int(np.int64(0))  # a literal is another type: all it reaches would compile once more
     row, remaining = first // options.stride, options.stride - first % options.stride
+    if rods is not None:  # noqa: SIM102, this alone is left out where there are none
+        if schedule_ends(run, rods, first):
+            return CONVERGED, first
     for n in range(first, last):
         time = n * options.step
         if options.inertia and state.counters[LEVEL] != 0:
@@ -537,7 +540,7 @@ def march(
         if options.inertia and (n + 1) % MEASURE_EVERY == 0:
             state.drift[0] = max(state.drift[0], DRIFTS)  # errors at rest may have grown
         if rods is not None:  # noqa: SIM102, as above
-            if have_arrived(rods, n + 1):
+            if schedule_ends(run, rods, n + 1):
                 return CONVERGED, n + 1
     return CONVERGED, last
 

@@ -65,9 +65,14 @@ class Rods(NamedTuple):
         States, and work of the rod ends [J], where the energies of the rails are stored.
     stood : ndarray of int, shape (n,)
         1 where a machine has come to rest since it was on.
-    wait : ndarray of int, shape (2,)
-        A march ends early where all machines stand, at every so many steps from a step; 0: it
-        does not.
+    schedule, stops, stop_times, pauses, ends
+        Of `turnout.solver.schedule`: where it is; its stops, shape (n_stops, 3), and the onsets
+        after them [s]; begin and length of the pause at each, shape (n_stops, 2) [s]; the ends of
+        the movements of markers by the schedule, at which a watched run is kept whole [s].
+    planned : ndarray, shape (n, n_commands, 2)
+        Commands by the schedule without pauses.
+    markers : ndarray, shape (n_steps + 1, n_inputs)
+        The same of the inputs; no rows where all drives are machines [m].
     """
 
     constants: Floats
@@ -99,7 +104,13 @@ class Rods(NamedTuple):
     booked: Floats
     booked_given: Floats
     stood: Ints
-    wait: Ints
+    schedule: Ints
+    stops: Ints
+    stop_times: Floats
+    pauses: Floats
+    ends: Floats
+    planned: Floats
+    markers: Floats
 
 
 @compiled_part
@@ -241,13 +252,6 @@ def all_stand(rods: Rods) -> bool:
 
 
 @compiled_part
-def have_arrived(rods: Rods, step: int) -> bool:
-    """Return whether a march that waits for the machines ends at a step."""
-    every = rods.wait[0]
-    return every > 0 and (step - rods.wait[1]) % every == 0 and all_stand(rods)
-
-
-@compiled_part
 def rods_may_stay(rods: Rods, inputs: tuple[Floats, Floats], span: tuple[float, float]) -> bool:
     """Return whether the machines may do again what they did in the last step, with standing rods.
 
@@ -298,3 +302,15 @@ def store_rods(run: Run, state: State, rods: Rods, inputs: Floats, row: int) -> 
         for k in range(rods.input.size):
             copy(rods.state[k], rods.booked[booked, k])
             rods.booked_given[booked, k] = rods.given[k]
+
+
+@compiled
+def start_rods(run: Run, state: State, rods: Rods) -> None:
+    """Start the machines from the rails at rest, and store the first instant."""
+    for k in range(rods.input.size):
+        y, force = state.g[rods.place[k]] - rods.shift[k], run.work.force[rods.law[k]]
+        rods.before[0, k] = rods.before[1, k] = y
+        rods.rod_before[0, k] = rods.rod_before[1, k] = rods.state[k, at.ROD_POSITION]
+        rods.force[k] = force
+        rods.state[k, at.ROD_FORCE] = -force
+    store_rods(run, state, rods, run.positions[0], 0)
