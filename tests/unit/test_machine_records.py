@@ -18,7 +18,7 @@ from turnout.machine.components import MACHINE_KEYS, Command
 from turnout.machine.compute import places
 from turnout.machine.compute.machine_step import rod_position
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
-from turnout.machine.motor_kind import MOTOR_KINDS, Motor, PermanentMagnet
+from turnout.machine.motor_kind import MOTOR_KINDS, Motor, PermanentMagnet, Supply
 from turnout.machine.rows import angle_at, machine_row, stroke_table
 from turnout.machine.steady import slip_point, stall_text
 from turnout.solver.outcome import Code
@@ -259,9 +259,10 @@ class Doubled(PermanentMagnet):
     no_effect_since = "which is a toy"
     stall = "toy standstill"
 
-    def constant(self, motor: Motor, voltage: float, factor: float) -> float:
+    def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
         """Return k [V s/rad]."""
-        return 2.0 * super().constant(motor, voltage, factor)
+        own = super().places(motor, supply)
+        return own | {places.MOTOR_CONSTANT: 2.0 * own[places.MOTOR_CONSTANT]}
 
 
 def test_a_kind_of_motor_is_one_class(monkeypatch: pytest.MonkeyPatch) -> None:

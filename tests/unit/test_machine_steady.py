@@ -8,7 +8,7 @@ from turnout.cli.machine import throw_summary
 from turnout.core.scheme import Scheme
 from turnout.machine.components import Machine
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor_kind import breakdown_point
+from turnout.machine.motor_kind import motor_row
 from turnout.machine.steady import blind_text, load_range, slip_point, stall_text, steady_lines
 from turnout.metric.panel_check import blind_concerns, supply_concerns
 from turnout.metric.summary import summary
@@ -25,8 +25,10 @@ def machine_of(name: str, **changes: object) -> Machine:
 def test_a_motor_that_stalls_before_its_clutch_slips() -> None:
     """380 V to 100 V: breakdown by (100/380)^2, or a little more, below the clutch's 2.1 N m."""
     weak = machine_of("s700k", supply__voltage=100.0)
-    most = breakdown_point(weak.motor, voltage=100.0, line=4.0)[1]
-    rated = breakdown_point(weak.motor, line=4.0)[1]
+    most, rated = (
+        one.motor.of_kind.stall_torque(motor_row(one.motor, one.supply))
+        for one in (weak, machine_of("s700k"))
+    )
     assert 1.0 <= most / (rated * (100.0 / 380.0) ** 2) < 1.02  # the main branch saturates less
     assert f"breakdown {most:.3g} N m, clutch 2.1 N m" in stall_text(weak)
     assert slip_point(weak).stalled

@@ -9,7 +9,7 @@ from turnout.core.units import SI
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.compute.machine_step import MachineArrays
-from turnout.machine.motor_kind import Motor, breakdown_point
+from turnout.machine.motor_kind import Motor, Supply, motor_row
 from turnout.machine.rows import machine_room
 
 PEAK_CURRENT, PEAK_TIME = 10.295559, 18.264424e-3
@@ -166,7 +166,9 @@ def random_induction_overrides(generator: np.random.Generator) -> dict[str, obje
     record = Motor.model_validate(
         {k: SI(v) if isinstance(v, float) else v for k, v in motor.items()}
     )
-    torque = breakdown_point(record, line=line)[1] / float(draw(2.0, 6.0))
+    supply = Supply.model_validate({"line_resistance": SI(line)})
+    most = record.of_kind.stall_torque(motor_row(record, supply))
+    torque = most / float(draw(2.0, 6.0))
     ratio = float(found["clutch.torque"] * found["stroke.ratio"]) / torque  # type: ignore[operator]
     found |= {f"motor.{key}": value for key, value in motor.items()}
     for key in ("inductance", "constant", "field_constant", "saturation_current"):

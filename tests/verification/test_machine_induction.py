@@ -18,10 +18,12 @@ from turnout.machine.compute.machine_step import accept_step, take_step
 from turnout.machine.machine_file import load_machines
 from turnout.machine.motor_kind import (
     Motor,
-    breakdown_point,
+    SteadyPoint,
+    breakdown_slip,
     gamma_from_inverse_gamma,
     gamma_point,
     line_power,
+    motor_row,
 )
 from turnout.machine.rows import machine_row
 from turnout.machine.steady import steady_point, torque_for
@@ -64,6 +66,16 @@ def bare(motor: Motor, *, line: float = 0.0) -> Machine:
     return base.model_copy(update={"motor": motor, "clutch": clutch, "supply": supply})
 
 
+def breakdown(machine: Machine) -> tuple[float, float]:
+    """Return slip and torque."""
+    row = motor_row(machine.motor, machine.supply)
+    return breakdown_slip(row), machine.motor.of_kind.stall_torque(row)
+
+
+def steady_at(machine: Machine, speed: float) -> tuple[float, SteadyPoint]:
+    return gamma_point(motor_row(machine.motor, machine.supply), speed)
+
+
 def started(
     machine: Machine, *, step: float, end: float, loads: dict[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -103,13 +115,13 @@ def test_inverse_gamma_parameters() -> None:
 def test_breakdown() -> None:
     """Reference: closed form of the benchmark's README; and the top of the circuit's own curve."""
     motor = reference_motor()
-    slip, torque = breakdown_point(motor)
+    slip, torque = breakdown(bare(motor))
     assert slip == pytest.approx(0.304007148, rel=1e-6)
     assert torque == pytest.approx(42.502448505, rel=1e-6)
     machine = bare(motor.model_copy(update={"iron_resistance": 900.0}), line=5.0)
-    slip, torque = breakdown_point(machine.motor, line=5.0)
+    slip, torque = breakdown(machine)
     speeds = (1.0 - slip * np.array([0.999, 1.0, 1.001])) * SUPPLY / PAIRS
-    below, top, above = (gamma_point(machine.motor, machine.supply, float(w))[0] for w in speeds)
+    below, top, above = (steady_at(machine, float(w))[0] for w in speeds)
     assert top == pytest.approx(torque, rel=1e-9)
     assert below < top > above
 
@@ -117,7 +129,7 @@ def test_breakdown() -> None:
 def test_steady_circuit() -> None:
     """Reference: the benchmark's circuit at the speed that its start ends with."""
     alone = bare(reference_motor())
-    torque, point = gamma_point(alone.motor, alone.supply, 152.8597)
+    torque, point = steady_at(alone, 152.8597)
     assert point.current == pytest.approx(3.86822, rel=1e-5)
     assert point.power == pytest.approx(1736.88, rel=1e-4)
     assert torque == pytest.approx(10.0, rel=1e-4)
@@ -224,7 +236,7 @@ def test_steady_point_of_a_random_motor() -> None:
         machine = machine.model_copy(update={"motor": motor})
         constants, states, _ = started(machine, step=1e-2, end=0.1, loads={0.0: 0.0})
         power, apparent, current = line_power(constants, states[-1:])
-        _, point = gamma_point(machine.motor, machine.supply, float(states[-1, at.SPEED]))
+        _, point = steady_at(machine, float(states[-1, at.SPEED]))
         assert current[0] == pytest.approx(point.current, rel=1e-6)
         assert power[0] == pytest.approx(point.power, rel=1e-6)
         assert apparent[0] == pytest.approx(point.apparent, rel=1e-6)
@@ -251,13 +263,13 @@ def test_a_saturating_main_branch_runs_on_its_own_flux() -> None:
     loaded = load_machines("s700k", overrides=changes)
     machine = loaded.machine["s700k"]
     shaft = (1.0 - slip) * speed / 2.0
-    found = gamma_point(machine.motor, machine.supply, shaft)[1]
+    found = steady_at(machine, shaft)[1]
     assert found.current == pytest.approx(abs(current), rel=1e-9)
     for transient in (True, False):
         one = load_machines("s700k", overrides={"motor.transient": transient})
         throw, machine = throw_one_mass(one), one.machine["s700k"]
         at = int(np.abs(throw.time - 4.0).argmin())
-        point = gamma_point(machine.motor, machine.supply, float(throw["speed"][at]))[1]
+        point = steady_at(machine, float(throw["speed"][at]))[1]
         assert throw["lead_current"][at] == pytest.approx(point.current, rel=2e-4)
         assert throw["power"][at] == pytest.approx(point.power, rel=2e-3)
         assert throw.energy_residual < 1e-8

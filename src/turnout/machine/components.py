@@ -36,7 +36,7 @@ from turnout.core.quantity import (
     Torque,
 )
 from turnout.core.units import SI
-from turnout.machine.motor_kind import Motor, Supply, with_article
+from turnout.machine.motor_kind import COPPER_REFERENCE, Motor, Supply, motor_row, with_article
 
 MOST_INSTANTS = 1_000_000
 
@@ -235,13 +235,15 @@ class Machine(JudgedRecord):
 
     @property
     def stall_torque(self) -> float:
-        """Torque of the standing motor at its rated voltage, without line [N m].
+        """Torque of the standing motor at its rated voltage and 20 degC, without line [N m].
 
         Of an induction motor the breakdown torque, below which it stalls.
         """
-        motor = self.motor
-        most = motor.of_kind.stall_torque(motor, motor.voltage, cold=True)
-        return most - motor.loss_torque
+        motor = self.motor.model_copy(update={"temperature": COPPER_REFERENCE})
+        return (
+            motor.of_kind.stall_torque(motor_row(motor, Supply.model_validate({})))
+            - motor.loss_torque
+        )
 
     def faults(self) -> Iterator[str]:
         """Yield the faults between the values."""

@@ -53,8 +53,6 @@ def _whole(value: object) -> object:
     return int(value) if isinstance(value, SI) and float(value).is_integer() else value
 
 
-IN_SI = {"si": True}
-"""Context of records that are made of numbers in SI."""
 MOTOR_KINDS: dict[str, "MotorKind"] = {}
 """Kinds of motors by their name, see the end of this file."""
 
@@ -202,6 +200,29 @@ def line_resistance(supply: Supply) -> float:
     return supply.line_resistance + supply.shared_resistance
 
 
+def motor_row(motor: Motor, supply: Supply) -> Floats:
+    """Return the constants of the kernels that motor and supply have; the others are 0."""
+    row = np.zeros(at.CONSTANTS)
+    entries = {
+        at.VOLTAGE: nominal_voltage(motor, supply),
+        at.RESISTANCE: motor.resistance * copper_factor(motor),
+        at.LINE_RESISTANCE: line_resistance(supply),
+        at.INDUCTANCE: motor.inductance or 0.0,
+        at.BRUSH_DROP: motor.brush_drop,
+        at.CONTACT_LOSS: motor.contact_loss,
+        at.CONTACT_RESISTANCE: motor.contact_resistance,
+        at.LOSS_TORQUE: motor.loss_torque,
+        at.BRAKE_TORQUE: motor.brake_torque,
+        at.MOTOR_DRAG: motor.drag,
+        at.MOTOR_INERTIA: motor.inertia,
+        at.LONGEST_STEP: math.inf,
+        at.PHASE_LOST_TIME: math.inf if supply.phase_lost_at is None else supply.phase_lost_at,
+    }
+    for place, value in (entries | motor.of_kind.places(motor, supply)).items():
+        row[place] = value
+    return row
+
+
 @dataclass(frozen=True, slots=True)
 class SteadyPoint:
     """Current [A], speed of the shaft [rad/s], active [W] and apparent power [V A] drawn.
@@ -262,64 +283,43 @@ class MotorKind:
         del motor, supply
         return "direct current"
 
-    def constant(self, motor: Motor, voltage: float, factor: float) -> float:
-        """Return the number of the kernels for the strength of the field, k [V s/rad].
-
-        Parameters
-        ----------
-        motor : Motor
-        voltage : float
-            At its terminals [V].
-        factor : float
-            Resistance of the windings over that at 20 degC.
-        """
+    def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
+        """Return constants of the kernels that are of this kind, by their place."""
         raise NotImplementedError
 
-    def constant_at(self, motor: Motor, current: float, constant: float) -> float:
-        """Return torque per ampere at a current [N m/A], from the number of the kernels."""
-        del motor, current
-        return constant
-
-    def field_current(self, motor: Motor, voltage: float, factor: float) -> float:
-        """Return the current of a field winding that is fed apart [A]."""
-        del motor, voltage, factor
-        return 0.0
-
-    def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
-        """Return constants of the kernels that this kind has, by their place."""
-        voltage, factor = nominal_voltage(motor, supply), copper_factor(motor)
-        return {
-            at.MOTOR_CIRCUIT: CONSTANT_FIELD,
-            at.MOTOR_CONSTANT: self.constant(motor, voltage, factor),
-            at.FIELD_POWER: voltage * self.field_current(motor, voltage, factor),
-        }
-
-    def stall_torque(
-        self, motor: Motor, voltage: float, line: float = 0.0, *, cold: bool = False
-    ) -> float:
-        """Return the torque below which it stands, without its own friction [N m].
+    def branch(self, constants: Floats) -> tuple[float, float, float]:
+        """Return standstill, largest torque and no torque as `point` counts them: by the current.
 
         Parameters
         ----------
-        motor : Motor
-        voltage, line : float
-            Of the supply [V], and of the line to it [ohm].
-        cold : bool
-            Whether the copper is at 20 degC instead of its temperature.
+        constants : ndarray, shape (CONSTANTS,)
+            From `motor_row`, here and below.
         """
-        factor = 1.0 if cold else copper_factor(motor)
-        current = (voltage - motor.brush_drop) / (motor.resistance * factor + line)
-        return self.constant_at(motor, current, self.constant(motor, voltage, factor)) * current
+        voltage = constants[at.VOLTAGE] - constants[at.BRUSH_DROP]
+        most = float(voltage / (constants[at.RESISTANCE] + constants[at.LINE_RESISTANCE]))
+        return most, most, 1e-9 * most
 
-    def steady_point(
-        self, motor: Motor, supply: Supply, *, torque: float, viscous: float
-    ) -> SteadyPoint:
+    def point(self, constants: Floats, current: float) -> tuple[float, SteadyPoint]:
+        """Return torque [N m] and steady point at a place of the `branch`, here a current [A]."""
+        constant = constants[at.MOTOR_CONSTANT]
+        if constants[at.MOTOR_CIRCUIT] == SERIES_FIELD:
+            constant *= current / (1.0 + current * constants[at.INVERSE_SATURATION])
+        left = constants[at.VOLTAGE] - constants[at.BRUSH_DROP]
+        left -= (constants[at.RESISTANCE] + constants[at.LINE_RESISTANCE]) * current
+        power = float(constants[at.VOLTAGE] * current + constants[at.FIELD_POWER])
+        speed = max(float(left / constant), 0.0)
+        return float(constant * current), SteadyPoint(current, speed, power, power)
+
+    def stall_torque(self, constants: Floats) -> float:
+        """Return the torque below which it stands, without its own friction [N m]."""
+        return self.point(constants, self.branch(constants)[1])[0]
+
+    def steady_point(self, constants: Floats, *, torque: float, viscous: float) -> SteadyPoint:
         """Return the steady point under a torque behind its dry loss and a viscous drag.
 
         Parameters
         ----------
-        motor : Motor
-        supply : Supply
+        constants : ndarray, shape (CONSTANTS,)
         torque : float
             Beyond both [N m].
         viscous : float
@@ -327,23 +327,15 @@ class MotorKind:
         """
         from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
-        voltage, factor = nominal_voltage(motor, supply), copper_factor(motor)
-        resistance = motor.resistance * factor + line_resistance(supply)
-        constant = self.constant(motor, voltage, factor)
+        standstill, most, none = self.branch(constants)
 
-        def speed_at(current: float) -> float:
-            left = voltage - resistance * current
-            return (left - motor.brush_drop) / self.constant_at(motor, current, constant)
+        def short(place: float) -> float:
+            found, there = self.point(constants, place)
+            return float(found - constants[at.LOSS_TORQUE] - viscous * there.speed - torque)
 
-        def short(current: float) -> float:
-            need = motor.loss_torque + viscous * speed_at(current) + torque
-            return self.constant_at(motor, current, constant) * current - need
-
-        most = (voltage - motor.brush_drop) / resistance
-        stalled = short(most) < 0.0
-        current = most if stalled else float(brentq(short, 1e-9 * most, most, xtol=1e-15))
-        power = voltage * (current + self.field_current(motor, voltage, factor))
-        return SteadyPoint(current, max(speed_at(current), 0.0), power, power, stalled)
+        if short(most) < 0.0:
+            return replace(self.point(constants, standstill)[1], stalled=True)
+        return self.point(constants, float(brentq(short, most, none, xtol=1e-15)))[1]
 
     def powers(self, constants: Floats, states: Floats) -> tuple[Floats, Floats]:
         """Return active [W] and apparent power [V A] that a machine draws, shape (n,).
@@ -365,10 +357,10 @@ class PermanentMagnet(MotorKind):
 
     needs = ("inductance", "constant")
 
-    def constant(self, motor: Motor, voltage: float, factor: float) -> float:
+    def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
         """Return k [V s/rad]."""
-        del voltage, factor
-        return motor.constant or 0.0
+        del supply
+        return {at.MOTOR_CIRCUIT: CONSTANT_FIELD, at.MOTOR_CONSTANT: motor.constant or 0.0}
 
 
 class SeparateField(MotorKind):
@@ -376,15 +368,16 @@ class SeparateField(MotorKind):
 
     needs = ("inductance", "field_constant", "field_resistance")
 
-    def field_current(self, motor: Motor, voltage: float, factor: float) -> float:
-        """Return the current of the field winding [A]."""
-        return voltage / ((motor.field_resistance or math.inf) * factor)
-
-    def constant(self, motor: Motor, voltage: float, factor: float) -> float:
-        """Return k = K i_f/(1 + i_f/i_s) [V s/rad]."""
-        field = self.field_current(motor, voltage, factor)
+    def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
+        """Return k = K i_f/(1 + i_f/i_s) [V s/rad] and the power of the field [W]."""
+        voltage = nominal_voltage(motor, supply)
+        field = voltage / ((motor.field_resistance or math.inf) * copper_factor(motor))
         saturation = field / motor.saturation_current if motor.saturation_current else 0.0
-        return (motor.field_constant or 0.0) * field / (1.0 + saturation)
+        return {
+            at.MOTOR_CIRCUIT: CONSTANT_FIELD,
+            at.MOTOR_CONSTANT: (motor.field_constant or 0.0) * field / (1.0 + saturation),
+            at.FIELD_POWER: voltage * field,
+        }
 
 
 class Series(MotorKind):
@@ -392,19 +385,12 @@ class Series(MotorKind):
 
     needs = ("inductance", "field_constant")
 
-    def constant(self, motor: Motor, voltage: float, factor: float) -> float:
-        """Return K [V s/(rad A)]."""
-        del voltage, factor
-        return motor.field_constant or 0.0
-
-    def constant_at(self, motor: Motor, current: float, constant: float) -> float:
-        """Return K i/(1 + i/i_s) [N m/A]."""
-        return constant * current / (1.0 + current / (motor.saturation_current or math.inf))
-
     def places(self, motor: Motor, supply: Supply) -> dict[int, float]:
-        """Return constants of the kernels that this kind has, by their place."""
-        return super().places(motor, supply) | {
+        """Return K [V s/(rad A)] and 1/i_s [1/A]."""
+        del supply
+        return {
             at.MOTOR_CIRCUIT: SERIES_FIELD,
+            at.MOTOR_CONSTANT: motor.field_constant or 0.0,
             at.INVERSE_SATURATION: 1.0 / (motor.saturation_current or math.inf),
         }
 
@@ -448,32 +434,14 @@ class Induction(MotorKind):
             at.LONGEST_STEP: TRANSIENT_STEP if motor.transient else math.inf,
         }
 
-    def stall_torque(
-        self, motor: Motor, voltage: float, line: float = 0.0, *, cold: bool = False
-    ) -> float:
-        """Return the breakdown torque [N m], at the temperature of the copper in any case."""
-        del cold
-        return breakdown_point(motor, voltage=voltage, line=line)[1]
+    def branch(self, constants: Floats) -> tuple[float, float, float]:
+        """Return standstill, breakdown and synchronism, by the speed of the shaft [rad/s]."""
+        synchronous = float(constants[at.SUPPLY_SPEED] / constants[at.POLE_PAIRS])
+        return 0.0, (1.0 - min(breakdown_slip(constants), 1.0)) * synchronous, synchronous
 
-    def steady_point(
-        self, motor: Motor, supply: Supply, *, torque: float, viscous: float
-    ) -> SteadyPoint:
-        """Return the point on the branch above the breakdown speed, or that of standstill."""
-        from scipy.optimize import brentq  # slow to load; sweeps of markers need none
-
-        voltage, line = nominal_voltage(motor, supply), line_resistance(supply)
-        slip, _ = breakdown_point(motor, voltage=voltage, line=line)
-        synchronous = 2.0 * math.pi * (motor.frequency or 0.0) / (motor.pole_pairs or 1)
-
-        def short(speed: float) -> float:
-            found = gamma_point(motor, supply, speed)[0]
-            return found - motor.loss_torque - viscous * speed - torque
-
-        least = (1.0 - min(slip, 1.0)) * synchronous
-        if short(least) < 0.0:
-            return replace(gamma_point(motor, supply, 0.0)[1], stalled=True)
-        speed = float(brentq(short, least, synchronous, xtol=1e-13))
-        return gamma_point(motor, supply, speed)[1]
+    def point(self, constants: Floats, speed: float) -> tuple[float, SteadyPoint]:
+        """Return torque [N m] and steady point at a speed of the shaft [rad/s]."""
+        return gamma_point(constants, speed)
 
     def powers(self, constants: Floats, states: Floats) -> tuple[Floats, Floats]:
         """Return active [W] and apparent power [V A] of the lines, shape (n,)."""
@@ -504,18 +472,8 @@ def rated_flux(motor: Motor) -> float:
     return math.sqrt(2.0 / 3.0) * motor.voltage / (2.0 * math.pi * (motor.frequency or math.inf))
 
 
-def breakdown_point(
-    motor: Motor, *, voltage: float | None = None, line: float = 0.0
-) -> tuple[float, float]:
-    r"""Return breakdown slip [-] and torque [N m] of an induction motor.
-
-    Parameters
-    ----------
-    motor : Motor
-    voltage : float, optional
-        Line to line, rms; default the rated one [V].
-    line : float
-        Resistance of each phase of the line [ohm].
+def breakdown_slip(constants: Floats) -> float:
+    r"""Return the slip of an induction motor at its largest torque [-].
 
     Notes
     -----
@@ -523,19 +481,21 @@ def breakdown_point(
 
     .. math:: s_b = R_r/|Z|,\quad Z = jX_l + \frac{jX_sR_s}{R_s+jX_s}
     """
-    speed, factor = 2.0 * math.pi * (motor.frequency or 0.0), copper_factor(motor)
-    iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
-    r_s = motor.resistance * factor + line / (1.0 + line * iron)
-    main = 1j * speed * (motor.stator_inductance or 0.0)
-    z = 1j * speed * (motor.leakage_inductance or 0.0) + r_s * main / (r_s + main)
-    slip = (motor.rotor_resistance or 0.0) * factor / abs(z)
-    supply = Supply.model_validate({"voltage": voltage, "line_resistance": line}, context=IN_SI)
-    at_slip = (1.0 - slip) * speed / (motor.pole_pairs or 1)
-    return slip, gamma_point(motor, supply, at_slip)[0]
+    speed, line = constants[at.SUPPLY_SPEED], constants[at.LINE_RESISTANCE]
+    r_s = constants[at.RESISTANCE] + line / (1.0 + line * constants[at.IRON_CONDUCTANCE])
+    main = 1j * speed * constants[at.STATOR_INDUCTANCE]
+    z = 1j * speed * constants[at.LEAKAGE_INDUCTANCE] + r_s * main / (r_s + main)
+    return float(constants[at.ROTOR_RESISTANCE] / abs(z))
 
 
-def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, SteadyPoint]:
+def gamma_point(constants: Floats, speed: float) -> tuple[float, SteadyPoint]:
     """Return torque [N m] and steady point of an induction motor at a speed of its shaft [rad/s].
+
+    Parameters
+    ----------
+    constants : ndarray, shape (CONSTANTS,)
+        From `motor_row`.
+    speed : float
 
     Notes
     -----
@@ -543,47 +503,34 @@ def gamma_point(motor: Motor, supply: Supply, speed: float) -> tuple[float, Stea
     them. With psi_s = I_s/lambda, T = 3 n_p Im(I_s conj psi_s) = 3 n_p |psi_s|^2 Im lambda. Where
     the main branch saturates its flux is that which it leaves.
     """
-    excess = 0.0
-    if (motor.main_saturation or 1.0) > 1.0:
+    voltage = float(constants[at.VOLTAGE]) / math.sqrt(3.0)
+    frame, pairs = constants[at.SUPPLY_SPEED], constants[at.POLE_PAIRS]
+
+    def at_flux(size: float) -> tuple[complex, complex, float]:
+        """Return current, the stator's current per flux, and flux, by a peak of it."""
+        excess = main_excess(constants, size)
+        per_flux, stator, _ = gamma_impedance(
+            frame,
+            frame - pairs * speed,
+            (constants[at.RESISTANCE], constants[at.ROTOR_RESISTANCE]),
+            (constants[at.STATOR_INDUCTANCE] / (1.0 + excess), constants[at.LEAKAGE_INDUCTANCE]),
+        )
+        line, iron = constants[at.LINE_RESISTANCE], constants[at.IRON_CONDUCTANCE]
+        current = voltage / (line + stator / (1.0 + stator * iron))
+        return current, per_flux, abs((voltage - line * current) / stator / per_flux)
+
+    size = 0.0
+    if constants[at.MAIN_BEND] > 0.0:
         from scipy.optimize import brentq  # slow to load; sweeps of markers need none
 
-        numbers = Induction().places(motor, supply)
-        constants = np.zeros(at.CONSTANTS)
-        constants[[at.MAIN_BEND, at.RATED_FLUX]] = [numbers[at.MAIN_BEND], numbers[at.RATED_FLUX]]
-
-        def left(size: float) -> float:
-            found = _gamma_point(motor, supply, speed, float(main_excess(constants, size)))
-            return found[2] - size
-
-        most = 2.0 * numbers[at.PHASE_VOLTAGE] / numbers[at.SUPPLY_SPEED]
-        excess = float(main_excess(constants, brentq(left, 0.0, most, xtol=1e-15, rtol=1e-14)))
-    torque, point, _ = _gamma_point(motor, supply, speed, excess)
-    return torque, point
-
-
-def _gamma_point(
-    motor: Motor, supply: Supply, speed: float, excess: float
-) -> tuple[float, SteadyPoint, float]:
-    """Return torque, point and stator flux (peak) with the main branch's current per flux given."""
-    line = line_resistance(supply)
-    frame = 2.0 * math.pi * (motor.frequency or 0.0)
-    pairs, factor = motor.pole_pairs or 1, copper_factor(motor)
-    per_flux, stator, _ = gamma_impedance(
-        frame,
-        frame - pairs * speed,
-        (motor.resistance * factor, (motor.rotor_resistance or 0.0) * factor),
-        ((motor.stator_inductance or 0.0) / (1.0 + excess), motor.leakage_inductance or 0.0),
-    )
-    iron = 1.0 / motor.iron_resistance if motor.iron_resistance else 0.0
-    whole = line + stator / (1.0 + stator * iron)
-    voltage = nominal_voltage(motor, supply) / math.sqrt(3.0)
-    current = voltage / whole
-    through = (voltage - line * current) / stator
-    flux = abs(through / per_flux)
-    torque = 3.0 * pairs * flux**2 * per_flux.imag
-    power = 3.0 * voltage * current.real
-    point = SteadyPoint(abs(current), speed, power, 3.0 * voltage * abs(current))
-    return torque, point, math.sqrt(2.0) * flux
+        most = 2.0 * constants[at.PHASE_VOLTAGE] / frame
+        size = brentq(
+            lambda size: math.sqrt(2.0) * at_flux(size)[2] - size, 0.0, most, xtol=1e-15, rtol=1e-14
+        )
+    current, per_flux, flux = at_flux(size)
+    torque = float(3.0 * pairs * flux**2 * per_flux.imag)
+    power, apparent = 3.0 * voltage * current.real, 3.0 * voltage * abs(current)
+    return torque, SteadyPoint(abs(current), speed, power, apparent)
 
 
 def line_power(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:

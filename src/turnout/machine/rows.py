@@ -12,7 +12,7 @@ from turnout.machine.compute import places as at
 from turnout.machine.compute.circuit import kinetic_level, switch_off
 from turnout.machine.compute.couple import Room
 from turnout.machine.compute.machine_step import WORK_ROWS, rod_position
-from turnout.machine.motor_kind import copper_factor, line_resistance, nominal_voltage
+from turnout.machine.motor_kind import motor_row
 
 
 def stroke_table(stroke: Stroke) -> Floats:
@@ -107,25 +107,6 @@ def angle_at(machine: Machine, position: float) -> float:
     )
 
 
-def _motor_entries(machine: Machine) -> dict[int, float]:
-    motor, supply = machine.motor, machine.supply
-    return {
-        at.VOLTAGE: nominal_voltage(motor, supply),
-        at.RESISTANCE: motor.resistance * copper_factor(motor),
-        at.LINE_RESISTANCE: line_resistance(supply),
-        at.INDUCTANCE: motor.inductance or 0.0,
-        at.BRUSH_DROP: motor.brush_drop,
-        at.CONTACT_LOSS: motor.contact_loss,
-        at.CONTACT_RESISTANCE: motor.contact_resistance,
-        at.LOSS_TORQUE: motor.loss_torque,
-        at.BRAKE_TORQUE: motor.brake_torque,
-        at.MOTOR_DRAG: motor.drag,
-        at.MOTOR_INERTIA: motor.inertia,
-        at.LONGEST_STEP: math.inf,
-        at.PHASE_LOST_TIME: _or(supply.phase_lost_at, math.inf),
-    }
-
-
 def _gear_entries(machine: Machine) -> dict[int, float]:
     clutch, gear, stroke = machine.clutch, machine.gear, machine.stroke
     back = gear.efficiency if gear.back_efficiency is None else gear.back_efficiency
@@ -186,10 +167,8 @@ def _or(value: float | None, default: float) -> float:
 
 def machine_row(machine: Machine, *, limits: bool = True) -> Floats:
     """Return the constants of a machine, see `turnout.machine.compute.places`."""
-    row = np.zeros(at.CONSTANTS)
-    entries = _motor_entries(machine) | _gear_entries(machine) | _circuit_entries(machine)
-    entries |= machine.motor.of_kind.places(machine.motor, machine.supply)
-    for place, value in entries.items():
+    row = motor_row(machine.motor, machine.supply)
+    for place, value in (_gear_entries(machine) | _circuit_entries(machine)).items():
         row[place] = value
     if limits:
         circuit, end = machine.circuit, machine.stroke.angle or math.inf

@@ -4,7 +4,7 @@ import math
 
 from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
-from turnout.machine.motor_kind import SteadyPoint, line_resistance, nominal_voltage
+from turnout.machine.motor_kind import SteadyPoint, motor_row, nominal_voltage
 
 
 def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> SteadyPoint:
@@ -24,8 +24,8 @@ def steady_point(machine: Machine, *, torque: float, drag: bool = True) -> Stead
     branch above its breakdown speed, or stands.
     """
     viscous = machine.motor.drag + (machine.gear.drag if drag else 0.0)
-    kind = machine.motor.of_kind
-    return kind.steady_point(machine.motor, machine.supply, torque=torque, viscous=viscous)
+    row = motor_row(machine.motor, machine.supply)
+    return machine.motor.of_kind.steady_point(row, torque=torque, viscous=viscous)
 
 
 def torque_for(machine: Machine, force: float) -> float:
@@ -158,9 +158,8 @@ def stall_text(machine: Machine) -> str:
     """
     if not slip_point(machine).stalled:
         return ""
-    motor, level = machine.motor, machine.clutch.slip_torque
-    kind, voltage = motor.of_kind, nominal_voltage(motor, machine.supply)
-    most = kind.stall_torque(motor, voltage, line_resistance(machine.supply))
+    kind, level = machine.motor.of_kind, machine.clutch.slip_torque
+    most = kind.stall_torque(motor_row(machine.motor, machine.supply))
     shown = f"{kind.stall} {most:.3g} N m, clutch {level:.3g} N m"
     return f"the motor stalls before the clutch slips ({shown})"
 
