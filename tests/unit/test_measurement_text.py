@@ -178,8 +178,8 @@ def test_units_at_the_end_of_a_name(
     assert f'column = "{force}"\nunit = "{unit}"\nkind = "scaled"' in skeleton(recording)
 
 
-def test_a_decimation_beside_a_rate_is_remarked_upon(tmp_path: Path) -> None:
+def test_a_decimation_beside_a_rate_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "throw.csv"
     path.write_text("Sample rate: 25 Hz\nDecimation: 4\nForce\n" + "1\n2\n" * 9, encoding="utf-8")
-    (note,) = read_recording(path).problems
-    assert note == "check the time: 'Decimation: 4' is stated beside the sample rate"
+    with pytest.raises(FileError, match=r"'Decimation: 4' is stated beside a sample rate of 25 Hz"):
+        read_recording(path)

@@ -13,6 +13,8 @@ from turnout.core.problems import choices, nearest
 MOST_GROWTH = 3.0
 # Share of times that repeat, as some recorders write a row twice; more tell no rate.
 MOST_REPEATED = 0.01
+# Fewer steps than these may look like those of rounded times by chance.
+_SHORT = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,27 +152,29 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     step = float((time[-1] - start) / (time.size - 1))
     away = float(np.max(np.abs(time - start - number * step))) / step
     # In all but the shortest channels a missing sample puts some time half a step off.
-    if away <= 0.45 and _is_whole(time, steps):
-        return TimeGrid(start, _whole_step(time, step), number)
+    counts, remark = _counts(time, steps, near=away <= 0.45)
+    if away <= 0.45 and counts is None:
+        return TimeGrid(start, _whole_step(time, step), number, remark)
     repeated = int(np.count_nonzero(steps == 0))
     if repeated and away <= 2.0:
         remark = f"{repeated} of its times repeat; whether samples are missing there is not known"
         return TimeGrid(start, step, number, remark)
-    typical = _typical(steps)
-    regular = steps[np.abs(steps - typical) <= 0.5 * typical]
-    step = float(np.mean(regular)) if regular.size else 0.0
-    few = 2 * int(np.count_nonzero(steps < 1.5 * step)) <= steps.size
-    if step <= 0 or few or (time[-1] - start) / step > MOST_GROWTH * time.size:
+    if counts is None:
+        typical = _typical(steps)
+        regular = steps[np.abs(steps - typical) <= 0.5 * typical]
+        step = float(np.mean(regular)) if regular.size else 0.0
+        few = 2 * int(np.count_nonzero(steps < 1.5 * step)) <= steps.size
+        # Rounded step by step, so that a small error of the step does not add up.
+        counts = np.zeros(0) if step <= 0 or few else np.rint(steps / step)
+    if not counts.size or counts.sum() > MOST_GROWTH * time.size:
         at = int(np.argmax(steps))
         message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
         raise ValueError(message)
-    # Rounded step by step, so that a small error of the step does not add up.
-    counts = np.rint(steps / step).astype(np.int64)
     if np.any(counts < 1):
         at = int(np.argmin(counts))
         message = f"time is not even: two samples at {time[at]:.6g} s are less than a step apart"
         raise ValueError(message)
-    index = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
+    index = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts).astype(np.int64)))
     step = float((time[-1] - start) / index[-1])
     off = np.abs(time - start - index * step)
     if off.max() > step:
@@ -184,28 +188,46 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     return TimeGrid(start, step, index)
 
 
-def _is_whole(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
-    """Return True if times near an even grid lack no sample.
+def _counts(
+    time: NDArray[np.float64], steps: NDArray[np.float64], *, near: bool
+) -> tuple[NDArray[np.float64] | None, str]:
+    """Return the whole numbers of steps between times of which samples are missing, and a remark.
+
+    None if the steps are alike, no multiples of the least, or those of rounded times, which are
+    near even ones.
 
     Raises
     ------
     ValueError
         When a sample may be missing, or the times be rounded.
     """
-    ratio = steps / max(_typical(steps), 1e-300)
-    holes = int(np.count_nonzero(ratio > 1.5))
-    if not holes or ratio.min() < 0.5 or np.max(np.abs(ratio - np.rint(ratio))) > 0.1:
-        return True
+    least = float(steps.min())
+    if least <= 0.0:
+        return None, ""
+    short = steps.size < _SHORT
+    for part in (1, 2, 3) if short else (1,):
+        ratio = part * steps / float(np.mean(steps[steps < 1.4 * least]))
+        counts = np.rint(ratio)
+        if np.max(np.abs(ratio - counts)) <= 0.1:
+            break
+    else:
+        return None, ""
+    holes = int(np.count_nonzero(counts > part))
+    if not holes or counts.sum() > MOST_GROWTH * part * time.size:
+        return None, ""
     digit, mean = _last_digit(time), float(np.mean(steps))
     # The first and the last time of a short channel are rounded, too.
     reach = digit / steps.size
     tried = np.linspace(mean - reach, mean + reach, 41) if steps.size < 50 else [mean]
-    rounded = min(_spread(time, one) for one in tried) <= 1.001 * digit
-    if not rounded and 2 * holes < steps.size:
-        return False
+    rounded = near and min(_spread(time, one) for one in tried) <= 1.001 * digit
+    if not rounded and part == 1 and 2 * holes < steps.size:
+        return counts, ""
     # Rounding repeats its pattern.
-    if rounded and holes > 2:
-        return True
+    if rounded and (part > 1 or holes > 2):
+        unclear = f"check the time: taken as rounded to {digit:g} s; else samples are missing"
+        return None, unclear if short else ""
+    if not near and np.count_nonzero(np.diff(counts)) == 1:  # another rate from there on
+        return None, ""
     at = int(np.argmax(ratio))
     message = (
         f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s, where samples "

@@ -330,10 +330,8 @@ def _channel_columns(table: Table) -> list[FileColumn]:
             what = f"times of no known layout ('{shown}'); write them as 2026-11-28 08:14:00.000"
         table.problems.append(f"column '{label_of(table, place)}' is left out: it holds {what}")
     unknown = all(column.time is None and column.rate is None for column in columns)
-    for shown in table.stated.doubtful if unknown else ():
+    for shown in table.stated.no_rates() if unknown else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
-    for shown in table.stated.reduced if table.stated.rate() is not None else ():
-        table.problems.append(f"check the time: '{shown}' is stated beside the sample rate")
     return columns
 
 
@@ -343,12 +341,12 @@ def _read_constants(table: Table) -> None:
     A column beside the samples that is called start may be a signal.
     """
     for place, values in [] if table.axes and not table.curves else [*table.values.items()]:
-        column, stated = table.columns[place], deepcopy(table.stated)
+        column, before, stated = table.columns[place], table.stated, deepcopy(table.stated)
         known = is_constant(values) and (table.curves or values.size > 1)
         if (
             known
             and stated.read(column.name, [float(values[0])], unit=column.unit)
-            and (table.curves or len(stated.rates) > len(table.stated.rates))
+            and (table.curves or (stated.rates, stated.reduced) != (before.rates, before.reduced))
         ):
             table.stated = stated
             del table.values[place]
@@ -362,7 +360,7 @@ def _curve_columns(table: Table) -> list[FileColumn]:
     if times:
         column, cells = table.columns[times[0]], np.concatenate(table.curves[times[0]])
         axes = [numeric_axis(cells, name=column.name, unit=column.unit), *axes]
-    rate = stated.rate() if not times else None
+    rate = stated.rate_of_rows() if not times else None
     clock: dict[str, Any] = {
         "time": axes[0].seconds if times else None,
         "rate": rate[0] if rate else None,
@@ -440,7 +438,8 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         elif left:
             clock = {"begin": table.axes[left[-1]].begin, "remark": "its times only tell its start"}
         if axis is None:
-            own = None if rate is None else rate[number if len(rate) > 1 else 0]
+            stated = table.stated.rate_of_rows()
+            own = None if stated is None else stated[number if len(stated) > 1 else 0]
             clock |= {"rate": own, "start": table.stated.start}
         empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
         if empty > 0:

@@ -36,6 +36,7 @@ _HERTZ_WORDS = {
     1e6: ("mhz", "msa/s", "msps"),
 }
 HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in words}
+_UNCLEAR = {"Ms": "ms or 1e6 s", "mHz": "MHz or 1e-3 Hz", "mS/s": "MS/s or 1e-3 S/s"}
 _SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
 _SOURCES = (
     "sample|sampling|samp|scan|acquisition|acq|logging|log|logger|recording|record|recorded|"
@@ -59,16 +60,37 @@ _STEP = re.compile(
 )
 # Without a unit a data rate may be one of bits.
 _EITHER = re.compile(
-    rf"sampling|dat(?:a|en)rate|echantillonnage|abtastung|sample|messtakt|takt{_SUFFIX}"
+    rf"(?!samples\Z)(?:sampling|dat(?:a|en)rate|echantillonnage|abtastung|sample|messtakt|takt|"
+    rf"(?:(?:re|down|sub)sampl|decimat)(?:ed|ing|ion)(?:to|at)?(?:rate|frequency)?){_SUFFIX}"
 )
 _WEAK_RATE = re.compile(rf"rate{_SUFFIX}")
 _RATES = ((_EITHER, "either"), (_RATE, "rate"), (_STEP, "step"), (_WEAK_RATE, "weak"))
 _NO_RATE = re.compile(r"(?:mains|line|net|supply|netz)?(?:frequency|freq|frequenz|frekvens)(?:hz)?")
 # A clock of another part may be far faster than the samples.
 _NO_CLOCK = re.compile(r"[^\W\d_]*clock(?:rate|frequency|freq|period)?")
-_REDUCED = re.compile(
-    r"(?:decimation|downsampling|undersampling|divider|reduction)(?:factor|ratio)?"
+_ROWS = (
+    r"(?:samples?|values?|points?|rows?|readings?|scans?|measurements?|valeurs?|valor\w*|"
+    r"(?:mess|abtast)?(?:werte?s?|punkte?s?|zeilen?)|v[aä]rde\w*|echantillons?|muestras?)"
 )
+_NTH = r"(?!1(?:st|\.)?\b)(?:\d+(?:st|nd|rd|th|\.|:?[ae]|te[rsn]?)?|n|n-?th|n-?te[rsn]?)"
+_STORED = r"(?:stored?|storage|saved?|kept|values|samples|points|gespeichert|werte)"
+# Statements that samples were left out, without their marks.
+_REDUCED = re.compile(
+    rf"(?:.*\b)?(?:every|each|jede[rnms]?|alle|varje?|chaque|cada|ogni|only) (?:{_NTH}|other|"
+    rf"second|third|\w+th|\w+te[rnsm]?|\w+nde) (?:(?:stored|saved|recorded|raw) )?{_ROWS}\b.*|"
+    rf"(?:.*\b)?(?:every|jede[rns]?) {_NTH}(?: stored| saved| \d+)?|"
+    r"(?:(?:data|samples?|sampling|storage|rate|clock|scan) )?(?:decimat\w+|dezim\w+|"
+    r"(?:down|under|sub) ?sampl\w+|unterabtastung|reduction|reduced|divider|divisor|teiler|stride)"
+    r"(?: (?:factor|ratio|rate|faktor|by))* (?:1 ?[:/] ?)?(?!1(?:\.0*)?\Z)[1-9]\d*(?:\.0*)? ?x?"
+    rf"(?: {_ROWS})?|"
+    rf"(?:(?:.*\b)?{_STORED} 1 ?(?:[:/]|(?:out )?(?:of|in|von|aus|av|sur))|"
+    rf"1 (?:out )?(?:of|in|von)) ?(?!1\b)\d+(?: {_ROWS})?"
+)
+_MARKS = re.compile(r"(?:[\s_;=,\"'#()\[\]]|(?<!\d):|:(?!\d))+")
+_TURNING = re.compile(
+    r"(?:shaft|rotation\w*|motor|machine|wellen)?(?:rpm|revs?|drehzahl|varvtal)|(?:1|u|r|rev)/min|min-1"
+)
+"""Names and units of a speed of rotation, beside which a "rate" may be that of a shaft."""
 _START = re.compile(
     rf"(?:x0|t0|tstart|start|starts|xzero|xorg|xorigin|hoffset|wfstartoffset){_SUFFIX}"
 )
@@ -93,7 +115,8 @@ _TIME = re.compile(
     r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
     r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|"
     r"posixtime|czas|tijd|aika|čas|idő|время|时间|時間|timeoffset|zeitversatz|datenum|serialdate|"
-    r"abstime|reltime|elapsed)\d{0,2}"
+    r"abstime|reltime|elapsed|(?:m?s|(?:milli)?seconds?|(?:milli)?sekunden?)(?:of(?:the)?day|destages))"
+    r"\d{0,2}"
     r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>m?sec|ms|us|usec|ns|s)?"
 )
 _ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
@@ -176,7 +199,7 @@ def unit_in_name(name: str) -> str:
         return word
     match = _TIME.fullmatch(word)
     plural = word.endswith("times") and not name.strip().endswith("_s")
-    return (match["unit"] or "") if match and not plural else ""
+    return _as_written(name, match["unit"]) if match and not plural else ""
 
 
 def is_time_word(name: str) -> bool:
@@ -204,6 +227,11 @@ def is_throw_name(name: str) -> bool:
     return _THROW.fullmatch(squeezed(name)) is not None
 
 
+def is_speed(text: str) -> bool:
+    """Return True for the name or unit of a speed of rotation; a "rate" beside may be its."""
+    return _TURNING.fullmatch(squeezed(text)) is not None
+
+
 def is_direction_name(name: str) -> bool:
     """Return True if a column of this name tells the direction of a throw."""
     return squeezed(name) in ("direction", "dir", "richtung", "riktning", "sens")
@@ -222,11 +250,24 @@ def seconds_of(unit: str) -> float:
     >>> seconds_of("ms"), seconds_of("")
     (0.001, 1.0)
     """
+    _refuse_unclear(unit)
     factor = SECONDS.get(unit.strip().strip("[]()").lower())
     if factor is None:
         message = f"'{unit}' is no unit of time; needs one of s, ms, us, ns, min, h, d"
         raise ValueError(message)
     return factor
+
+
+def _refuse_unclear(unit: str, shown: str = "") -> None:
+    """Refuse a unit whose small and capital letters belong to two units; ValueError names both."""
+    if two := _UNCLEAR.get(unit.strip(" []()")):
+        message = f"the unit of '{shown or unit}' may be {two}; write it out"
+        raise ValueError(message)
+
+
+def _as_written(name: str, ending: str | None) -> str:
+    """Return the last letters of a name, of which the small ones are known."""
+    return re.sub(r"\W+\Z", "", name)[-len(ending) :] if ending else ""
 
 
 def is_time_unit(unit: str) -> bool:
@@ -296,6 +337,8 @@ class StatedClock:
         Texts that look like a rate and are none, such as the frequency of the mains.
     reduced : list of str
         Texts that say that samples were left out, of the stated rate or before it.
+    turning : bool
+        Whether a "rate" may be that of a shaft.
     """
 
     rates: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
@@ -304,6 +347,7 @@ class StatedClock:
     moments: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
     reduced: list[str] = field(default_factory=list)
+    turning: bool = False
 
     def read(
         self, key: str, values: Sequence[object], *, unit: str = "", decimal: str | None = "."
@@ -319,26 +363,27 @@ class StatedClock:
         name = unicodedata.normalize("NFKD", name.replace("-", ""))
         name = "".join(character for character in name if not unicodedata.combining(character))
         texts = [str(value).strip() for value in values]
+        self.turning |= is_speed(name)
+        left_out = self.leaves_out(f"{key.strip()}: {', '.join(texts)}")
         for pattern, kind in _RATES:
             if (match := pattern.fullmatch(name)) is None:
                 continue
             shown = f"{key.strip()}: {', '.join(texts)}"[:60]
-            suffix = match.groupdict().get("unit") or ""
+            suffix = _as_written(key, match["unit"])
             found = _rates(texts, unit or suffix, kind, decimal, shown)
             if found:
                 (self.weak if kind == "weak" else self.rates).append((shown, found))
-            return bool(found)
+            return bool(found) or left_out
         kept = list(dict.fromkeys(texts))
         text, once = " ".join(texts).strip(), " ".join(kept)
         said = f"{key.strip()}: {text}"[:60]
         number = stated_number(text)
         unit_of = "" if number is None else _unit_of_clock(number[1] or unit)
         clock = _NO_CLOCK.fullmatch(name) and (unit_of in HERTZ or unit_of in SECONDS)
+        if left_out:
+            return True
         if clock or (_NO_RATE.fullmatch(name) and number is not None):
             self.doubtful.append(said)
-            return True
-        if _REDUCED.fullmatch(name) and text not in ("1", "0", ""):
-            self.reduced.append(said)
             return True
         if match := _START.fullmatch(name):
             plain = all(_SECONDS_TEXT.fullmatch(v) and v.count(".") < 2 for v in kept)
@@ -354,7 +399,7 @@ class StatedClock:
             if not _BEGIN_WORD.search(name):  # a duration
                 self.doubtful.append(said)
             elif number := stated_number(text, decimal):
-                self.start = number[0] * SECONDS[seconds.lower()]
+                self.start = number[0] * seconds_of(seconds)
             return True
         if (begins or name == "t0") and _MOMENT.match(text):
             self.moments.append(once)
@@ -369,7 +414,7 @@ class StatedClock:
         ValueError
             When two statements contradict each other.
         """
-        for group in (self.rates, self.weak):
+        for group in (self.rates, [] if self.turning else self.weak):
             if not group:
                 continue
             shown, first = max(group, key=lambda item: len(item[1]))
@@ -383,16 +428,39 @@ class StatedClock:
             return first
         return None
 
+    def rate_of_rows(self) -> tuple[float, ...] | None:
+        """Return the rates [1/s] of samples without times; None if none is stated.
+
+        Raises
+        ------
+        ValueError
+            When two statements contradict each other, or samples were left out.
+        """
+        if (rate := self.rate()) and self.reduced:
+            message = (
+                f"'{self.reduced[0]}' is stated beside a sample rate of {rate[0]:.6g} Hz, which "
+                "may be that before or that of the rows; leave the line out, or state the rate of "
+                "the rows"
+            )
+            raise ValueError(message)
+        return rate
+
+    def leaves_out(self, text: str) -> bool:
+        """Keep a statement that samples were left out; return False if it is none."""
+        if len(text) < 80 and _REDUCED.fullmatch(_MARKS.sub(" ", text.lower()).strip()):
+            self.reduced.append(text.strip())
+            return True
+        return False
+
+    def no_rates(self) -> list[str]:
+        """Return texts that look like a sample rate and are none."""
+        return [*self.doubtful, *(shown for shown, _ in self.weak if self.turning)]
+
     def doubt(self, key: str, text: str) -> bool:
         """Keep a statement of an unknown name with a frequency or a time; return False."""
         if _CLOCK_VALUE.search(text):
             self.doubtful.append(f"{key.strip()}: {text.strip()}"[:60])
         return False
-
-    def leave_weak(self) -> None:
-        """Take no "rate" for the sample rate."""
-        self.doubtful += [shown for shown, _ in self.weak]
-        self.weak.clear()
 
     @property
     def start_time(self) -> str | None:
@@ -416,6 +484,7 @@ def _rates(
         if kind != "weak" and any(c.isdigit() for c in re.sub(r"\^?-?1", "", number[1])):
             message = f"'{shown}' is not one number with its unit; write '1000 Hz' or '1 ms'"
             raise ValueError(message)
+        _refuse_unclear(number[1] or unit, shown)
         own = _unit_of_clock(number[1] or unit)
         if own in HERTZ or (own == "" and kind in ("rate", "weak")):
             rate = number[0] * HERTZ.get(own, 1.0)

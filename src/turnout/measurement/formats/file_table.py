@@ -7,6 +7,7 @@ their cells: numbers with their unit, dates apart from times of day, curves that
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from turnout.measurement.formats.clock import (
     is_direction_name,
     is_index_name,
     is_numbered_channel,
+    is_speed,
     is_throw_name,
     is_time_name,
     is_time_unit,
@@ -44,6 +46,7 @@ from turnout.measurement.formats.time_axis import (
     TimeAxis,
     counts,
     day_zero,
+    gone_round,
     is_date,
     is_stamp,
     may_be_time,
@@ -148,7 +151,7 @@ def sort_columns(table: Table) -> Table:
     table = replace(
         table,
         columns=list(table.columns),
-        stated=replace(table.stated, moments=list(table.stated.moments)),
+        stated=deepcopy(table.stated),
         values={},
         axes={},
         problems=list(table.problems),
@@ -172,6 +175,8 @@ def _sort_columns(table: Table) -> None:
         table.decimal, remarks = _decimal_mark([cell for cell in texts if isinstance(cell, str)])
         table.problems += remarks
     _take_dates(table)
+    turning = any(is_speed(column.unit) or is_speed(column.name) for column in table.columns)
+    table.stated.turning |= turning
     dates: dict[int, list[str]] = {}
     for place, column in enumerate(table.columns):
         cells = column.cells
@@ -371,6 +376,8 @@ def _name_axes(table: Table) -> None:
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: count_filled(values)]
+        if is_time_unit(unit := column.unit or unit_in_name(column.name)):
+            given = gone_round(given, SECONDS[unit.lower()])
         letter, timed = len(squeezed(column.name)) == 1, is_time_unit(column.unit)
         even = rises_evenly(given)
         rises = place == 0 and even

@@ -149,8 +149,7 @@ def stated_clock(
         for item in np.ravel(value)[:1].tolist():
             text = item.decode() if isinstance(item, bytes) else item
             stated.read(_last(name), [text], unit=unit) or stated.read(name, [text], unit=unit)
-    if not own:
-        stated.leave_weak()
+    stated.turning |= not own
     return stated
 
 
@@ -179,10 +178,11 @@ def _folder(name: str) -> str:
 def _timed(
     name: str, values: NDArray[Any], unit: str, axis: TimeAxis | None, clock: StatedClock | None
 ) -> FileColumn:
-    rate = clock.rate() if clock is not None else None
     if axis is not None:
+        rate = clock.rate() if clock is not None else None
         remark = (rate_remark(axis.seconds, rate[0]) if rate else "") or axis.remark
         return FileColumn(name, values, unit, time=axis.seconds, begin=axis.begin, remark=remark)
+    rate = clock.rate_of_rows() if clock is not None else None
     if clock is None or rate is None:
         return FileColumn(name, values, unit)
     return FileColumn(name, values, unit, rate=rate[0], start=clock.start)

@@ -1,5 +1,6 @@
 """Formats that optional packages read: Dewesoft (.d7d, .dxd), MDF (ASAM), TDMS, Parquet."""
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -151,10 +152,11 @@ def read_tdms(path: Path) -> Recording:
         When it holds no channel or declares too much.
     """
     import nptdms
-    from nptdms import log
+    from nptdms import log, reader
 
     columns: list[FileColumn] = []
     problems: list[str] = []
+    reader.OrderedDict = _Properties
     with _log_as_problems(log, problems), nptdms.TdmsFile.open(path) as file:
         groups = file.groups()
         declared = Declared(path)
@@ -185,8 +187,8 @@ def _tdms_group(
         unit = tidy_unit(str(own.get("unit_string", own.get("NI_UnitDescription", ""))))
         described = (unit, str(own.get("description", "")))
         try:
-            clock = _tdms_clock({k: v for k, v in own.items() if k not in _TDMS_TEXTS}, own=True)
-            rate = clock.rate()
+            clock = _tdms_clock(own, own=True)
+            rate = clock.rate_of_rows()
         except ValueError as error:
             problems.append(f"channel '{name}' is left out: {error}")
             continue
@@ -207,12 +209,30 @@ def _tdms_group(
     return columns
 
 
+_THEN = ", then "
+
+
+class _Properties(OrderedDict[str, Any]):
+    """Properties of a TDMS object; one that changes between segments holds both as a text."""
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        first, then, _ = str(self.get(key) or value).partition(_THEN)
+        changed = then or str(value) != first
+        super().__setitem__(key, f"{first}{_THEN}{value}" if changed else value)
+
+
 _TDMS_TEXTS = ("wf_start_time", "description", "unit_string", "NI_ChannelName")
 
 
 def _tdms_clock(properties: dict[str, Any], *, own: bool = False) -> StatedClock:
     """Return the clock in properties, in the unit that they state; an increment of 0 is none."""
     kept = {k: v for k, v in properties.items() if k != "wf_increment" or v}
+    for key, value in kept.items():
+        first, then, _ = str(value).partition(_THEN)
+        if then and (key == "wf_start_time" or StatedClock().read(key, [first])):
+            message = f"{key} changes between segments: {value}; save each in a file of its own"
+            raise ValueError(message)
+    kept = {k: v for k, v in kept.items() if k not in _TDMS_TEXTS}
     unit = str(kept.get("wf_xunit_string", "")).strip()
     for key in ("wf_increment", "wf_start_offset") if is_time_unit(unit) else ():
         if key in kept:

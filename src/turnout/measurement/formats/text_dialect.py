@@ -263,7 +263,8 @@ def _heading(
             cells.pop()
         if not cells or cells[0].lower().startswith("sep=") or (logger and number == 0):
             continue
-        if _labelled(cells, width, found, decimal, beside=not first_empty):
+        left_out = found.stated.leaves_out(" ".join(cells))
+        if _labelled(cells, width, found, decimal, beside=not first_empty) or left_out:
             continue
         if len(cells) < 3 and _LABEL_ALONE.match(cells[0]):
             continue

@@ -139,6 +139,7 @@ def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
         return replace(_from_first(values, factor, begin, ""), remark="")
     if values.size < 2 or not np.isfinite(values).all():
         return TimeAxis(values if factor == 1.0 else values * factor)
+    values = gone_round(values, factor)
     first, step = float(values[0]), float(np.median(np.diff(values)))
     for scale in (factor,) if given else (1.0, 1e-3, 1e-6, 1e-9):
         if _UNIX[0] <= first * scale <= _UNIX[1]:
@@ -158,6 +159,33 @@ def numeric_axis(values: Floats, *, name: str = "", unit: str = "") -> TimeAxis:
         )
         raise ValueError(message)
     return TimeAxis(values if factor == 1.0 else values * factor)
+
+
+def gone_round(values: Floats, factor: float) -> Floats:
+    """Return times that go on past midnight, the full hour, or the last number of a counter.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        As the file holds them.
+    factor : float
+        Seconds in their unit.
+
+    Examples
+    --------
+    >>> gone_round(np.array([86_399_920.0, 86_399_960.0, 0.0, 40.0]), 1e-3)[2:]
+    array([86400000., 86400040.])
+    """
+    steps = np.diff(values)
+    falls = np.flatnonzero(steps < 0)
+    if not falls.size or 10 * falls.size > values.size:
+        return values
+    typical = float(np.median(steps))
+    for turn in (DAY / factor, HOUR / factor, 2.0**32, 2.0**16):
+        off = np.abs(steps[falls] + turn - typical)
+        if values.min() >= 0 and values.max() < turn and np.all(off <= 0.5 * typical):
+            return values + turn * np.concatenate(([0.0], np.cumsum(steps < 0)))
+    return values
 
 
 def day_zero(values: Floats) -> float | None:

@@ -1,0 +1,191 @@
+"""Recordings whose clock may be meant in two ways, or changes: refused by that name, or said."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, HEAD, VALUES, rows, stated
+
+from turnout.core.errors import FileError
+from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.recording import Recording, time_grid
+
+LISTS = {"Force": FORCE.tolist(), "Speed": CURRENT.tolist()}
+
+
+def read(path: Path, content: str | object) -> Recording:
+    text = content if isinstance(content, str) else json.dumps(content)
+    path.write_text(text, encoding="utf-8")
+    return read_recording(path)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Every 40th sample",
+        "every 10th value stored",
+        "Jeder 10. Wert",
+        "# jeder zehnte Messwert gespeichert",
+        "decimation 40",
+        "Decimation factor;40",
+        "Downsampled by 40",
+        "Reduction 1:40",
+        "1 of 40",
+        "Storage: 1 of 40",
+        "Stored values: 1/10",
+        "Saved every 10 samples",
+        "Save every nth;40",
+        "Note: every second value",
+    ],
+)
+def test_a_rate_beside_samples_that_were_left_out(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "throw.csv"
+    shown = line.lstrip("# ").replace(";", ".")
+    with pytest.raises(FileError, match=rf"{shown}' is stated beside a sample rate of 1000 Hz"):
+        read(path, stated(f"Sample rate: 1000 Hz\n{line}"))
+    # Times are those of the rows.
+    timed = f"Sample rate: 25 Hz\n{line}\n{HEAD}{rows(time=lambda n: f'{n * 0.04:.2f}')}"
+    assert read(path, timed).channel("Force").rate == 25.0
+
+
+@pytest.mark.parametrize("more", [{"decimation": 40}, {"note": "every 40th sample"}])
+def test_samples_left_out_of_named_arrays(tmp_path: Path, more: dict[str, object]) -> None:
+    with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
+        read(tmp_path / "throw.json", {"fs": 1000, **more, **LISTS})
+    io = pytest.importorskip("scipy.io")
+    io.savemat(tmp_path / "throw.mat", {"fs": 1000.0, "Force": FORCE, **more})
+    with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
+        read_recording(tmp_path / "throw.mat")
+
+
+def test_a_column_that_repeats_how_many_samples_were_left_out(tmp_path: Path) -> None:
+    text = "Sample rate: 1000 Hz\ndecimation,Force\n" + "".join(f"40,{f}\n" for f in FORCE)
+    with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
+        read(tmp_path / "throw.csv", text)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Decimation: 1", "Decimation: none", "Downsampling: off", "every sample", "Page 1 of 3"]
+    + ["Channel: 1 of 2", "Gear reduction 10", "Samples: 40", "Sampling: every 40 ms"],
+)
+def test_no_samples_were_left_out(tmp_path: Path, line: str) -> None:
+    recording = read(tmp_path / "throw.csv", stated(f"Sample rate: 1000 Hz\n{line}"))
+    assert {channel.rate for channel in recording.channels.values()} == {1000.0}
+
+
+@pytest.mark.parametrize("line", ["Resampled to 25 Hz", "Downsampling rate: 25 Hz"])
+def test_a_rate_after_another(tmp_path: Path, line: str) -> None:
+    with pytest.raises(FileError, match="two clocks are stated"):
+        read(tmp_path / "throw.csv", stated(f"Sample rate: 1000 Hz\n{line}"))
+    assert read(tmp_path / "throw.csv", stated(line)).channel("Force").rate == 25.0
+
+
+def test_a_number_of_samples_is_no_interval(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="neither times nor a sample rate"):
+        read(tmp_path / "throw.csv", stated("Samples: 5"))
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {"rate": 25, "rpm": CURRENT.tolist(), "Force": FORCE.tolist()},
+        {"rate": 25, "units": {"Speed": "1/min"}, **LISTS},
+        {"rate": 25, "rpm": 1500, **LISTS},
+        {"rate": 25, "data": [{"F (N)": f, "n (rpm)": 1e3} for f in FORCE]},
+        f"Rate: 25\nRPM: 1500\n{VALUES}{rows()}",
+        f"Rate: 25\nForce (N),Drehzahl (U/min)\n{rows()}",
+    ],
+)
+def test_a_rate_beside_a_speed_of_rotation(tmp_path: Path, held: object) -> None:
+    suffix = ".csv" if isinstance(held, str) else ".json"
+    with pytest.raises(FileError, match=r"'[Rr]ate: 25' is not taken for the sample rate"):
+        read(tmp_path / f"throw{suffix}", held)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        (stated("Sample interval: 40 Ms"), "'Sample interval: 40 Ms' may be ms or 1e6 s"),
+        (stated("dt_Ms: 40"), "'dt_Ms: 40' may be ms or 1e6 s"),
+        (stated("Sample rate: 25 mHz"), "'Sample rate: 25 mHz' may be MHz or 1e-3 Hz"),
+        (HEAD.replace("(s)", "(Ms)") + rows(time=str), "column 'Time .Ms.': the unit of 'Ms'"),
+        (HEAD.replace(" (s)", "_Ms") + rows(time=str), "column 'Time_Ms': the unit of 'Ms'"),
+    ],
+)
+def test_a_unit_that_may_be_two(tmp_path: Path, text: str, shown: str) -> None:
+    with pytest.raises(FileError, match=shown):
+        read(tmp_path / "throw.csv", text)
+
+
+MOMENT = np.datetime64("2026-11-28T08:14:00", "us")
+
+
+@pytest.mark.parametrize(
+    ("key", "first", "second"),
+    [
+        ("wf_increment", 0.04, 0.08),
+        ("wf_start_offset", 1.0, 5.0),
+        ("wf_start_time", MOMENT, MOMENT + 5_000_000),
+        ("sr", 25.0, 50.0),
+    ],
+)
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_clock_that_changes_between_segments(
+    tmp_path: Path, key: str, first: object, second: object, *, whole: bool
+) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "throw.tdms"
+    for values in ((first, first), (first, second)):
+        with nptdms.TdmsWriter(path) as file:
+            for value in values:
+                own = {"wf_increment": 0.04} if key.startswith("wf_start") else {}
+                given = {**own, key: value}
+                channel = nptdms.ChannelObject("g", "Force", FORCE, {} if whole else given)
+                file.write_segment([nptdms.RootObject(given if whole else {}), channel])
+        if values == (first, first):
+            assert read_recording(path).channel("Force").rate == 25.0
+    with pytest.raises(FileError, match=f"{key} changes between segments: {str(first)[:4]}"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("digits", [3, 2])
+def test_a_short_channel_without_a_third_of_its_samples(digits: int) -> None:
+    time = np.delete(np.arange(12), [2, 5, 8, 11]) / 10.0**digits
+    assert time_grid(time).remark.startswith("check the time: taken as rounded to")
+    time = np.delete(np.arange(15), [1, 3, 4, 6, 8, 9, 11]) * 0.04
+    with pytest.raises(ValueError, match="samples may be missing or times are rounded"):
+        time_grid(time)
+
+
+@pytest.mark.parametrize(
+    ("heading", "factor", "turn"),
+    [
+        ("Time (ms)", 1e-3, 86_400_000),
+        ("ms of day (ms)", 1e-3, 86_400_000),
+        ("ms", 1e-3, 86_400_000),
+        ("Time (us)", 1e-6, 86_400_000_000),
+        ("Time_ms", 1e-3, 3_600_000),
+        ("Time (us)", 1e-6, 2**32),
+        ("t_ms", 1e-3, 2**16),
+    ],
+)
+def test_times_go_on_past_midnight_and_the_end_of_a_counter(
+    tmp_path: Path, heading: str, factor: float, turn: int
+) -> None:
+    step = round(0.04 / factor)
+    time = [f"{(turn + (n - 20) * step) % turn}" for n in range(COUNT)]
+    text = HEAD.replace("Time (s)", heading) + rows(time=time.__getitem__)
+    channel = read(tmp_path / "throw.csv", text).channel("Force")
+    assert channel.rate == pytest.approx(25.0)
+    assert channel.start == pytest.approx((turn - 20 * step) * factor)
+    np.testing.assert_array_equal(channel.values, FORCE)
+
+
+def test_an_interval_in_a_column_beside_a_rate(tmp_path: Path) -> None:
+    text = "dt,Force\n" + "".join(f"0.04,{f}\n" for f in FORCE)
+    path = tmp_path / "throw.csv"
+    assert read(path, f"Sample rate: 25 Hz\n{text}").channel("Force").rate == 25.0
+    with pytest.raises(FileError, match="two clocks are stated: 'Sample rate: 100 Hz' and 'dt: "):
+        read(path, f"Sample rate: 100 Hz\n{text}")
