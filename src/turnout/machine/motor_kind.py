@@ -8,7 +8,7 @@ words, and what of a machine means nothing to it.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,12 @@ from turnout.core.quantity import (
 )
 from turnout.core.units import SI
 from turnout.machine.compute import places as at
-from turnout.machine.compute.induction import gamma_energy, gamma_impedance, main_excess
+from turnout.machine.compute.induction import (
+    gamma_energy,
+    gamma_impedance,
+    line_powers,
+    main_excess,
+)
 from turnout.machine.compute.motor import CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE
 
 Floats = NDArray[np.float64]
@@ -541,55 +546,10 @@ def line_power(constants: Floats, states: Floats) -> tuple[Floats, Floats, Float
     constants : ndarray, shape (CONSTANTS,)
         Of one machine with an induction motor.
     states : ndarray, shape (n, STATES)
-
-    Notes
-    -----
-    P = 1.5 Re(u conj i) and S = 1.5 u |i| with peak values; while the contactor is open both are 0.
-    With one phase lost S is the voltage between the two lines that are left times their current.
     """
-    if np.isfinite(constants[at.PHASE_LOST_TIME]):
-        lost = states[:, at.PHASE_LOST] > 0.0
-        both = _three_phases(constants, states), _two_phases(constants, states)
-        active, apparent, current = (np.where(lost, b, a) for a, b in zip(*both, strict=True))
-        return active, apparent, current
-    return _three_phases(constants, states)
-
-
-def _three_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
-    psi_s = states[:, at.STATOR_FLUX] + 1j * states[:, at.STATOR_FLUX_ACROSS]
-    psi_r = states[:, at.ROTOR_FLUX] + 1j * states[:, at.ROTOR_FLUX_ACROSS]
-    leak = (psi_s - psi_r) / constants[at.LEAKAGE_INDUCTANCE]
-    main = 1.0 + states[:, at.MAIN_EXCESS]
-    i_s = psi_s * main / constants[at.STATOR_INDUCTANCE] + leak
-    voltage, line = constants[at.PHASE_VOLTAGE], constants[at.LINE_RESISTANCE]
-    iron = constants[at.IRON_CONDUCTANCE]
-    seen = voltage - states[:, at.SHARED_DROP] - 1j * states[:, at.SHARED_DROP_ACROSS]
-    terminal = (seen - line * i_s) / (1.0 + line * iron)
-    current = np.where(_is_on(states), i_s + iron * terminal, 0.0)
-    size = np.abs(current)
-    return 1.5 * voltage * current.real, 1.5 * voltage * size, size / math.sqrt(2.0)
-
-
-def _is_on(states: Floats) -> NDArray[np.bool_]:
-    return np.asarray((states[:, at.ENERGISED] > 0.0) & (states[:, at.ARMATURE_OPEN] == 0.0))
-
-
-def _two_phases(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return active and apparent power and line current of a motor with one conductor open.
-
-    Forward and backward impedance of the steady circuit in series between two lines, see
-    `turnout.machine.compute.induction`.
-    """
-    supply, iron = constants[at.SUPPLY_SPEED], constants[at.IRON_CONDUCTANCE]
-    turned = constants[at.POLE_PAIRS] * states[:, at.DIRECTION] * states[:, at.SPEED]
-    resistances = constants[at.RESISTANCE], constants[at.ROTOR_RESISTANCE]
-    inductances = constants[at.STATOR_INDUCTANCE], constants[at.LEAKAGE_INDUCTANCE]
-    slips: Any = np.array([supply - turned, supply + turned])
-    own = np.asarray(gamma_impedance(supply, slips, resistances, inductances)[1])
-    whole = 2.0 * constants[at.LINE_RESISTANCE] + (own / (1.0 + own * iron)).sum(axis=0)
-    line_to_line = math.sqrt(1.5) * constants[at.PHASE_VOLTAGE]
-    current = np.where(_is_on(states), line_to_line / np.abs(whole), 0.0)
-    return whole.real * current**2, line_to_line * current, current
+    found = np.empty((len(states), 3))
+    line_powers(constants, np.ascontiguousarray(states), found)
+    return found[:, 0], found[:, 1], found[:, 2]
 
 
 def gamma_from_inverse_gamma(

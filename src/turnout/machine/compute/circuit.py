@@ -151,15 +151,16 @@ def switch_due(machine: MachineArrays, state: Floats, time: float) -> None:
         lose_phase(constants, state)
         log_event(state, log, time, at.EVENT_PHASE_LOST)
     if state[at.ENERGISED] > 0.0:
+        off = at.EVENT_ON
         if now >= state[at.CUTOFF_TIME]:
-            switch_off(constants, state)
-            log_event(state, log, time, at.EVENT_OFF_LIMIT)
+            off = at.EVENT_OFF_LIMIT
         elif now >= state[at.CONTACTOR_TIME] + constants[at.TIME_OUT]:
-            switch_off(constants, state)
-            log_event(state, log, time, at.EVENT_OFF_TIME_OUT)
+            off = at.EVENT_OFF_TIME_OUT
         elif now >= state[at.OVERLOAD_SINCE] + constants[at.OVERLOAD_TIME]:
+            off = at.EVENT_OFF_OVERLOAD
+        if off != at.EVENT_ON:
             switch_off(constants, state)
-            log_event(state, log, time, at.EVENT_OFF_OVERLOAD)
+            log_event(state, log, time, off)
     row = int(state[at.NEXT_COMMAND])
     if row < commands.shape[0] and now >= commands[row, 0] + constants[at.CONTACTOR_DELAY]:
         if state[at.ENERGISED] > 0.0:
@@ -170,10 +171,17 @@ def switch_due(machine: MachineArrays, state: Floats, time: float) -> None:
 
 
 @compiled_part
+def _may_lock(constants: Floats, state: Floats) -> bool:
+    """Return whether the lock holds the gear at its next standstill."""
+    return bool(
+        constants[at.HOLDS] > 0.0 and state[at.ENERGISED] == 0.0 and state[at.LOCKED] == 0.0
+    )
+
+
+@compiled_part
 def _lock_standing(constants: Floats, state: Floats, log: Floats, time: float) -> None:
     """Lock at once what stands when the contactor opens."""
-    free = state[at.ENERGISED] == 0.0 and state[at.LOCKED] == 0.0 and constants[at.HOLDS] > 0.0
-    if free and state[at.GEAR_SPEED] == 0.0:
+    if _may_lock(constants, state) and state[at.GEAR_SPEED] == 0.0:
         state[at.LOCKED] = 1.0
         log_event(state, log, time, at.EVENT_LOCKED)
 
@@ -204,6 +212,14 @@ def beyond_limit(constants: Floats, state: Floats, angle: float) -> float:
     if state[at.DIRECTION] > 0.0:
         return float(angle - constants[at.LIMIT_CLOSING])
     return float(constants[at.LIMIT_OPENING] - angle)
+
+
+@compiled_part
+def _crosses_limit(constants: Floats, state: Floats, work: Floats) -> bool:
+    """Return whether the limit contact opened within the step."""
+    over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
+    before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
+    return bool(over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING)
 
 
 @compiled
@@ -250,7 +266,7 @@ def _locate_turn(machine: MachineArrays, state: Floats, span: tuple[float, float
         if take_step(machine, state, time, h) != at.CONVERGED:
             return -1.0
         w2 = work[SECOND, at.GEAR_SPEED]
-        if w2 == 0.0 or abs(w2) <= 1e-9 * abs(before):
+        if abs(w2) <= 1e-9 * abs(before):
             break
         if w2 * before < 0.0:
             high = h
@@ -315,23 +331,13 @@ def _piece(machine: MachineArrays, state: Floats, span: tuple[float, float]) -> 
             return -1.0
         state[at.HALVED] += 1
         h *= 0.5
-    over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
-    before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
-    if over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING:
+    if _crosses_limit(constants, state, work):
         h = _locate_limit(machine, state, (time, h))
     if h > 0.0 and _turns_round(constants, state, work):
         h = _locate_turn(machine, state, (time, h))
     if h > 0.0:
         _finish_step(machine, state, (time, h))
     return h
-
-
-@compiled_part
-def _may_lock(constants: Floats, state: Floats) -> bool:
-    """Return whether the lock holds the gear at its next standstill."""
-    return bool(
-        constants[at.HOLDS] > 0.0 and state[at.ENERGISED] == 0.0 and state[at.LOCKED] == 0.0
-    )
 
 
 @compiled_part
@@ -352,9 +358,7 @@ def _finish_step(machine: MachineArrays, state: Floats, span: tuple[float, float
     accept_step(machine, state, time, h)
     update_clutch(constants, state, h)
     _after_step(constants, state, log, (time, time + h), x_before)
-    if locks and (
-        state[at.GEAR_SPEED] == 0.0 or abs(state[at.GEAR_SPEED]) <= 1e-9 * abs(w2_before)
-    ):
+    if locks and abs(state[at.GEAR_SPEED]) <= 1e-9 * abs(w2_before):
         # what is left of the motion ends in the lock
         motion = 0.5 * constants[at.GEAR_INERTIA] * state[at.GEAR_SPEED] ** 2
         state[at.ENERGIES + at.GEAR] += motion
@@ -435,10 +439,7 @@ def try_plain_step(machine: MachineArrays, state: Floats, span: tuple[float, flo
     set_local_faults(constants, state)
     if take_step(machine, state, time, h) != at.CONVERGED:
         return False
-    over = beyond_limit(constants, state, work[SECOND, at.GEAR_ANGLE])
-    before = beyond_limit(constants, state, state[at.GEAR_ANGLE])
-    at_limit = over > ANGLE_ROUNDING and before < -ANGLE_ROUNDING
-    return not (at_limit or _turns_round(constants, state, work))
+    return not (_crosses_limit(constants, state, work) or _turns_round(constants, state, work))
 
 
 @compiled_part

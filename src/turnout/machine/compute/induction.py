@@ -63,7 +63,7 @@ def gamma_impedance(
     frame : float
         w_k, electrical [rad/s]; negative of a system that turns backwards.
     slip_speed : float
-        [rad/s]; an array where Python calls this.
+        [rad/s].
     resistances : tuple of float
         R_s and R_r [ohm].
     inductances : tuple of float
@@ -126,28 +126,21 @@ def winding_currents(
 
 
 @compiled_part
-def series_resistance(constants: Floats) -> float:
-    """Return what line and iron together put in series with the stator [ohm]."""
+def stator_source(constants: Floats, state: Floats) -> tuple[complex, float]:
+    """Return voltage (peak) [V] and resistance [ohm] of the source that the stator sees."""
     line = constants[at.LINE_RESISTANCE]
-    return float(line / (1.0 + line * constants[at.IRON_CONDUCTANCE]))
-
-
-@compiled_part
-def supply_phasor(constants: Floats, state: Floats) -> complex:
-    """Return the voltage of a phase behind which the machine's own line begins, peak [V]."""
-    return complex(
-        constants[at.PHASE_VOLTAGE] - state[at.SHARED_DROP], -state[at.SHARED_DROP_ACROSS]
-    )
+    divided = 1.0 + line * constants[at.IRON_CONDUCTANCE]
+    along = constants[at.PHASE_VOLTAGE] - state[at.SHARED_DROP]
+    voltage = complex(along, -state[at.SHARED_DROP_ACROSS])
+    return scaled(voltage, 1.0 / divided), float(line / divided)
 
 
 @compiled_part
 def terminals(constants: Floats, state: Floats, i_s: complex) -> tuple[complex, complex]:
     """Return the voltage at the motor's terminals [V] and the current in the line [A]."""
-    conductance = constants[at.IRON_CONDUCTANCE]
-    share = 1.0 / (1.0 + constants[at.LINE_RESISTANCE] * conductance)
-    source = scaled(supply_phasor(constants, state), share)
-    voltage = source - scaled(i_s, series_resistance(constants))
-    return voltage, i_s + scaled(voltage, conductance)
+    source, series = stator_source(constants, state)
+    voltage = source - scaled(i_s, series)
+    return voltage, i_s + scaled(voltage, constants[at.IRON_CONDUCTANCE])
 
 
 @compiled_part
@@ -169,16 +162,12 @@ def _stage_system(
 ) -> tuple[complex, float, float, float, complex, complex]:
     """Return a11, a12, a21, Re a22, b1, b2 of a stage: A (psi_s, psi_r) = b, Im a22 the slip."""
     rate = 0.0 if constants[at.STEADY_CIRCUIT] > 0.0 else 1.0 / g
-    leak, line = constants[at.LEAKAGE_INDUCTANCE], constants[at.LINE_RESISTANCE]
-    r_s, r_r = (
-        constants[at.RESISTANCE] + series_resistance(constants),
-        constants[at.ROTOR_RESISTANCE],
-    )
+    leak, r_r = constants[at.LEAKAGE_INDUCTANCE], constants[at.ROTOR_RESISTANCE]
+    source, series = stator_source(constants, state)
+    r_s = constants[at.RESISTANCE] + series
     wk = state[at.DIRECTION] * constants[at.SUPPLY_SPEED]
     main = r_s * (1.0 + state[at.MAIN_EXCESS]) / constants[at.STATOR_INDUCTANCE]
     a11 = complex(rate + main + r_s / leak, wk)
-    share = 1.0 / (1.0 + line * constants[at.IRON_CONDUCTANCE])
-    source = scaled(supply_phasor(constants, state), share)
     b1, b2 = source + scaled(stator_flux(base), rate), scaled(rotor_flux(base), rate)
     return a11, -r_s / leak, -r_r / leak, rate + r_r / leak, b1, b2
 
@@ -208,6 +197,18 @@ def stage_fluxes(
 
 
 @compiled_part
+def _put_fluxes(
+    constants: Floats, state: Floats, row: Floats, fluxes: tuple[complex, complex]
+) -> None:
+    """Write the fluxes of stator and rotor into a row, and the line's current (rms)."""
+    psi_s, psi_r = fluxes
+    row[at.STATOR_FLUX], row[at.STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
+    row[at.ROTOR_FLUX], row[at.ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
+    i_s, _ = winding_currents(constants, state, psi_s, psi_r)
+    row[at.CURRENT] = math.sqrt(0.5 * squared(terminals(constants, state, i_s)[1]))
+
+
+@compiled_part
 def note_saturation(constants: Floats, state: Floats) -> None:
     """Take the main branch for the next step by the flux at the end of this one.
 
@@ -225,9 +226,7 @@ def note_saturation(constants: Floats, state: Floats) -> None:
         state[at.MAIN_EXCESS] = last + (0.5 * change if steady else change)
         if steady:
             psi_s, psi_r = stage_fluxes(constants, state, 1.0, state, state[at.SPEED])
-    state[at.STATOR_FLUX], state[at.STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
-    state[at.ROTOR_FLUX], state[at.ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
-    state[at.CURRENT] = math.sqrt(0.5 * squared(line_current(constants, state)))
+    _put_fluxes(constants, state, state, (psi_s, psi_r))
 
 
 @compiled
@@ -295,11 +294,7 @@ def fill_fluxes(
     constants: Floats, state: Floats, g: float, base: Floats, stage: Floats, w1: float
 ) -> None:
     """Write the fluxes of a stage at its motor speed, and the line's current (rms)."""
-    psi_s, psi_r = stage_fluxes(constants, state, g, base, w1)
-    stage[at.STATOR_FLUX], stage[at.STATOR_FLUX_ACROSS] = psi_s.real, psi_s.imag
-    stage[at.ROTOR_FLUX], stage[at.ROTOR_FLUX_ACROSS] = psi_r.real, psi_r.imag
-    i_s, _ = winding_currents(constants, state, psi_s, psi_r)
-    stage[at.CURRENT] = math.sqrt(0.5 * squared(terminals(constants, state, i_s)[1]))
+    _put_fluxes(constants, state, stage, stage_fluxes(constants, state, g, base, w1))
 
 
 @compiled_part
@@ -454,3 +449,27 @@ def add_lost_phase_energy(constants: Floats, state: Floats, stage: Floats, weigh
         heat = constants[at.RESISTANCE] + constants[at.ROTOR_RESISTANCE] * through * through
         state[at.ENERGIES + at.COPPER] += weight * heat * stator
         state[at.ENERGIES + at.FIELD] += weight * iron * voltage * voltage * stator
+
+
+# --- drawn from the supply
+
+
+@compiled
+def line_powers(constants: Floats, states: Floats, found: Floats) -> None:
+    """Write active power [W], apparent power [V A] and line current [A, rms] of each state.
+
+    P = 1.5 Re(u conj i) and S = 1.5 u |i| with peak values; while the contactor is open both are 0.
+    With one phase lost S is the voltage between the two lines that are left times their current.
+    """
+    voltage = constants[at.PHASE_VOLTAGE]
+    for number in range(states.shape[0]):
+        state, power, phases, current = states[number], 0.0, 3.0, 0.0
+        if state[at.ENERGISED] > 0.0 and state[at.ARMATURE_OPEN] == 0.0:
+            if state[at.PHASE_LOST] > 0.0:
+                phases = math.sqrt(3.0)
+                current, _, _, power = lost_phase_circuit(constants, state, state[at.SPEED])
+            else:
+                line = line_current(constants, state)
+                current, power = abs(line) / math.sqrt(2.0), 1.5 * voltage * line.real
+        apparent = phases / math.sqrt(2.0) * voltage * current
+        found[number, 0], found[number, 1], found[number, 2] = power, apparent, current

@@ -32,6 +32,7 @@ from turnout.machine.compute.motor import (
     fill_steady_currents,
     into_field,
     motor_side,
+    next_guess,
     stage_curve,
 )
 
@@ -218,13 +219,7 @@ def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, sta
             if not settled:
                 if slope <= 0.0:
                     return at.NOT_CONVERGED
-                if f > 0.0:
-                    high = w2
-                else:
-                    low = w2
-                new = w2 - f / slope
-                if not low < new < high:
-                    new = 0.5 * (low + high)
+                new, low, high = next_guess(w2, f, slope, low, high)
                 settled = new in (w2, low, high)
                 if not settled:
                     w1, w2 = follow_gear(w1, follows * (new - w2)), new
@@ -387,11 +382,10 @@ def _add_stored_energy(
 ) -> None:
     """Add what a stage puts into inertias, clutch and coil, whose change has a weight."""
     into = into_field(constants, state, stage, before)
-    into += constants[at.MOTOR_INERTIA] * stage[at.SPEED] * (stage[at.SPEED] - before[at.SPEED])
-    into += (
-        constants[at.GEAR_INERTIA]
-        * stage[at.GEAR_SPEED]
-        * (stage[at.GEAR_SPEED] - before[at.GEAR_SPEED])
-    )
-    into += constants[at.CLUTCH_STIFFNESS] * stage[at.TWIST] * (stage[at.TWIST] - before[at.TWIST])
+    for place, factor in (
+        (at.SPEED, at.MOTOR_INERTIA),
+        (at.GEAR_SPEED, at.GEAR_INERTIA),
+        (at.TWIST, at.CLUTCH_STIFFNESS),
+    ):
+        into += constants[factor] * stage[place] * (stage[place] - before[place])
     state[at.ENERGIES + at.INTO_STORES] += weight * into

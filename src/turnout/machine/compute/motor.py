@@ -226,6 +226,19 @@ def clutch_torque(
 
 
 @compiled_part
+def next_guess(
+    x: float, f: float, slope: float, low: float, high: float
+) -> tuple[float, float, float]:
+    """Return Newton's next guess from x, or the middle of the bracket, and the narrower bracket."""
+    if f > 0.0:
+        high = x
+    else:
+        low = x
+    new = x - f / slope
+    return new if low < new < high else 0.5 * (low + high), low, high
+
+
+@compiled_part
 def _residual(
     constants: Floats,
     state: Floats,
@@ -298,13 +311,7 @@ def motor_side(
             break
         settled = abs(f) <= ROUNDING * (scale + still)
         if not settled:
-            if f > 0.0:
-                high = w1
-            else:
-                low = w1
-            new = w1 - f / slope
-            if not low < new < high:
-                new = 0.5 * (low + high)
+            new, low, high = next_guess(w1, f, slope, low, high)
             settled = new in (w1, low, high)
             if not settled:
                 w1 = new
