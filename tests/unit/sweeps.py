@@ -55,5 +55,10 @@ def batch_names(folder: Path) -> list[str]:
 
 def variables_of(row: ScenarioRow) -> dict[str, Channel]:
     """Return histories, labels and features of a throw alone; nothing unless it is complete."""
-    found = {} if row.stored is None else row.stored.variables
-    return {name: (dims, values[row.number, ...]) for name, (dims, values) in found.items()}
+    if row.stored is None:
+        return {}
+    count, found = row.stored.instants[row.number], dict[str, Channel]()
+    for name, (dims, values) in row.stored.variables.items():
+        own = values[row.number, ...]
+        found[name] = (dims, own[..., :count] if dims[-1:] == ("time",) else own)
+    return found

@@ -366,6 +366,9 @@ def test_slips_with_and_without_an_object(
     together = SimpleNamespace(  # of three throws, the first and last without slips
         runs=[SimpleNamespace(spans=spans)],
         time=time,
+        sizes=np.full(3, time.size),
+        starts=np.tile([opening, closing], (3, 1)),
+        instants=time.searchsorted,
         force=np.stack([0 * force, force, 0 * force])[:, np.newaxis],
         slipping=np.stack([0 * force, np.abs(force), 0 * force])[:, np.newaxis] >= 9.0,
         on_objects={"object_force": (("time",), np.zeros((3, time.size)))},

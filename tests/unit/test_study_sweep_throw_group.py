@@ -63,7 +63,7 @@ def test_rows_are_those_of_each_throw_alone(tmp_path: Path, channels: tuple[str,
     assert len(set(stored["end_locked"])) == 2
 
 
-def test_throws_whose_onsets_lie_between_other_instants_do_not_lie_in_one_array(
+def test_throws_whose_movements_differ_in_time_alone_lie_in_one_array(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study, groups = small_study(tmp_path, count=4), list[list[int]]()
@@ -75,10 +75,11 @@ def test_throws_whose_onsets_lie_between_other_instants_do_not_lie_in_one_array(
     monkeypatch.setattr(sweep_row, "group_by_layout", grouped)
     changes = ({}, {"movement.return.start": 0.5}, {"chair.friction_coefficient": 0.3}, {})
     changes += tuple({"movement.return.start": at} for at in BETWEEN_INSTANTS)
+    changes += ({"schedule.end": "1.5 s"},)
     sweep_row.throw_scenarios(
         study, [replace(study.scenario(0), overrides=changed) for changed in changes]
     )
-    assert groups == [[0, 2, 3], [1], [4, 5]]
+    assert groups == [[*range(len(changes))]]
 
 
 def test_numbers_are_stored_in_single_precision_and_flags_as_they_are() -> None:
@@ -137,8 +138,12 @@ def test_gaps_of_many_throws_are_split_as_those_of_each() -> None:
     panel = load_panel("uic60-760-1-15")
     time = np.linspace(0.0, panel.schedule.end, 30)
     gaps = np.random.default_rng(4).random((3, 2 * (len(panel.drive) + len(panel.sensor)), 30))
-    together = split_gaps_of(panel, list(gaps), time, kind=np.float64)
-    for number, own in enumerate(gaps):
-        for found, alone in zip(together, split_gaps(panel, own, time), strict=True):
-            np.testing.assert_array_equal(found[number], alone)
+    starts = np.searchsorted(time, [[0.2 - 1e-9, 4.4 - 1e-9]] * 3)
+    cut = [gaps[0], gaps[1], gaps[2][:, :20]]
+    together = split_gaps_of(panel, cut, starts, kind=np.float64)
+    for number, own in enumerate(cut):
+        size = own.shape[1]
+        for found, alone in zip(together, split_gaps(panel, own, time[:size]), strict=True):
+            np.testing.assert_array_equal(found[number, :, :size], alone)
+            assert np.isnan(found[number, :, size:]).all()
     assert not np.array_equal(together[0], gaps[:, :2])

@@ -10,7 +10,7 @@ from tests.unit.sweeps import study_file
 from turnout.calibration.load_study import load_study
 from turnout.study.sweep.row import throw_scenarios
 from turnout.throw.simulate import simulate
-from turnout.throw.slip import slip_onsets
+from turnout.throw.slip import Span, slip_onsets
 from turnout.throw.verdict import KINDS, verdict
 
 HEAD = """
@@ -174,5 +174,6 @@ def test_slips_of_many_throws_begin_in_the_movements_of_their_onsets() -> None:
     """A drive that still slips when the next movement begins does not begin again."""
     time = np.arange(6.0)
     flags = np.array([[[0, 1, 1, 1, 0, 1]], [[1, 0, 0, 1, 1, 0]]], dtype=bool)
-    onsets = slip_onsets(time, flags, [(None, 2.5), (None, math.inf)])
-    assert onsets[0].tolist() == [[1.0, 1.0]]
+    moved = Span("throw", "open", 0.0, 1.0), Span("return", "closed", 2.5, 4.0)
+    onsets = slip_onsets(time, flags, [(moved[0], 2.5), (moved[1], math.inf)])
+    assert onsets[0].tolist() == [[1.0, 5.0]]

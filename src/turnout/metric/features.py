@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import ResponseError
-from turnout.core.moving_average import WINDOW, row_levels, window_samples
+from turnout.core.moving_average import WINDOW, window_samples
 from turnout.core.running_current import running_time
-from turnout.kernels.force_features import find_places, find_rises, integrate_work
+from turnout.kernels.force_features import COUNT, FEWEST, SCRATCH_ROWS, measure_movements
 from turnout.throw.slip import TIME_TOLERANCE, Span, movements
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 DIRECTIONS = ("opening", "closing")
 # A force that rises less than this above its plateau does not build up [N].
@@ -129,8 +130,9 @@ def run_features(
     travel: Floats | None = None,
     current: Floats | None = None,
     onsets: Floats | None = None,
+    ends: Ints | None = None,
 ) -> Floats:
-    """Return the features of a run from bare arrays.
+    """Return the features of a run, or of rows of many runs, from bare arrays.
 
     Parameters
     ----------
@@ -147,35 +149,98 @@ def run_features(
     current : ndarray, shape (n_drives, n_times), optional
         Of the motors, of either sign [A].
     onsets : ndarray, shape (n_drives, n_spans), optional
-        Of the movements of each row, between the same instants as those of `spans` [s].
+        Of the movements of each row; default those of `spans` [s].
+    ends : ndarray of int, shape (n_drives,)
+        Instants that each row has; default all.
 
     Returns
     -------
     ndarray, shape (n_features, n_drives, 2)
         In the order of `FEATURES` and `DIRECTIONS`.
     """
-    bounds = [span.start for span in spans[1:]] + [np.inf]
-    values = np.full((len(FEATURES), force.shape[0], len(DIRECTIONS)), np.nan)
-    for number, (span, until) in enumerate(zip(spans, bounds, strict=True)):
-        column, turned = (1, False) if span.to == "closed" else (0, True)
-        first, last = np.searchsorted(time, [span.start - TIME_TOLERANCE, until - TIME_TOLERANCE])
-        part = slice(int(first), int(last))
-        values[:, :, column] = _features(
-            time[part],
-            -force[:, part] if turned else force[:, part],
-            travel=None if travel is None else -travel[:, part] if turned else travel[:, part],
-            current=None if current is None else current[:, part],
-            limits=limits,
-            length=span.end - span.start,
-            onsets=np.full(force.shape[0], span.start) if onsets is None else onsets[:, number],
+    count = force.shape[0]
+    if onsets is None:
+        onsets = np.tile([span.start for span in spans], (count, 1))
+    force, travel = _as_kernels_take(force), None if travel is None else _as_kernels_take(travel)
+    instants = _movement_windows(time, onsets, ends)
+    lengths = np.array([span.end - span.start for span in spans])
+    values = np.full((len(FEATURES), count, len(DIRECTIONS)), np.nan)
+    for number, span in enumerate(spans):
+        column, sign = (1, 1.0) if span.to == "closed" else (0, -1.0)
+        windows = np.ascontiguousarray(instants[:, number : number + 2])
+        length = np.full(count, lengths[number])
+        if travel is None and current is not None:
+            length = _running_times(time, current, windows, onsets[:, number])
+        values[:, :, column] = _measured(
+            time, force, travel, windows, (limits, onsets[:, number], length), sign
         )
     return values
 
 
+def _movement_windows(time: Floats, onsets: Floats, ends: Ints | None) -> Ints:
+    """Return the first instants of the movements of each row, and that after its last one."""
+    found = np.empty((onsets.shape[0], onsets.shape[1] + 1), dtype=np.int64)
+    found[:, :-1] = np.searchsorted(time, onsets - TIME_TOLERANCE)
+    found[:, -1] = time.size if ends is None else ends
+    return found
+
+
+def _as_kernels_take(values: Floats) -> Floats:
+    """Return an array, or a copy of it, as kernels take it."""
+    return np.require(values, np.float64, ["C", "W"])
+
+
+def _running_times(time: Floats, current: Floats, windows: Ints, onsets: Floats) -> Floats:
+    """Return for how long the motor of each row runs in its movement [s]."""
+    found = []
+    for row, (first, last), onset in zip(current, windows.tolist(), onsets.tolist(), strict=True):
+        elapsed = time[first:last] - onset
+        known = elapsed >= 0.0
+        found.append(
+            running_time(elapsed[known], row[first:last][known])[1] if known.any() else 0.0
+        )
+    return np.array(found)
+
+
+def _measured(
+    time: Floats,
+    force: Floats,
+    travel: Floats | None,
+    windows: Ints,
+    of_rows: tuple[Floats, Floats, Floats],
+    sign: float,
+) -> Floats:
+    """Return the features of one movement of each row, shape (n_features, n_rows).
+
+    `of_rows` are limits, onsets, and times of the movement where there is no travel.
+    """
+    found = np.full((force.shape[0], COUNT), np.nan)
+    if time.size >= FEWEST:
+        limits, onsets, lengths = of_rows
+        rate = (time.size - 1) / (time[-1] - time[0])
+        choices = np.array([sign, ARRIVED, LEAST_RISE, LOW, HIGH, *MIDDLE])
+        halves = [window_samples(window, rate=rate) // 2 for window in (WINDOW, SLOW)]
+        samples = np.array([*halves, max(1, round(WINDOW * rate))])
+        measure_movements(
+            np.require(time, np.float64, ["C", "W"]),
+            force,
+            travel,
+            windows,
+            np.nextafter(limits, -np.inf),
+            np.ascontiguousarray(onsets),
+            lengths,
+            choices,
+            samples,
+            np.empty((SCRATCH_ROWS, time.size + 1)),
+            found,
+        )
+    return found.T
+
+
 def compile_features() -> None:
     """Compile the kernels of features if they are not at hand."""
-    kernels: tuple[Any, ...] = (find_places, find_rises, integrate_work)
-    if not all(kernel.is_kept() for kernel in kernels):
+    kernel: Any = measure_movements
+    if not kernel.is_kept():
         load_features()
         movement_features(np.arange(3.0), np.zeros(3))
 
@@ -217,126 +282,16 @@ def movement_features(
     ndarray, shape (n_features,)
         In the order of `FEATURES`; NaN for what cannot be said.
     """
-    found = _features(
-        elapsed,
-        effort[np.newaxis],
-        travel=None if travel is None else travel[np.newaxis],
-        current=None if current is None else current[np.newaxis],
-        limits=np.array([limit]),
-        length=length,
-        onsets=np.zeros(1),
-    )
-    one: Floats = found[:, 0]
-    return one
-
-
-def _features(
-    time: Floats,
-    effort: Floats,
-    *,
-    travel: Floats | None,
-    current: Floats | None,
-    limits: Floats,
-    length: float,
-    onsets: Floats,
-) -> Floats:
-    """Return the features of many drives in one movement at once, shape (n_features, n_drives).
-
-    `time` is that of the run, `onsets` are those of the movement of each drive [s].
-    """
-    found = np.full((len(FEATURES), effort.shape[0]), np.nan)
-    if time.size < 3:
-        return found
-    effort = np.require(effort, np.float64, ["C", "W"])  # as kernels take it
-    travel = None if travel is None else np.require(travel, np.float64, ["C", "W"])
-    rows, places = np.arange(effort.shape[0]), np.empty((effort.shape[0], 3), dtype=np.int64)
-    find_places(effort, travel, np.nextafter(limits, -np.inf), ARRIVED, places)
-    at, slip, moving = places.T
-    peak = effort[rows, at]
-    some = np.isfinite(peak)
-    if not some.any():
-        return found
-    held = max(1, round(WINDOW * (time.size - 1) / (time[-1] - time[0])))
-    duration = np.full(peak.size, length)
+    windows, onset = np.array([[0, elapsed.size]]), np.zeros(1)
+    lengths, path = np.array([length]), None
     if travel is not None:
-        integrate_work(effort, travel, found[6])
-        arrived = time[np.minimum(moving + 1, time.size - 1)]
-        duration = np.where(moving >= 0, arrived - onsets, 0.0)
+        path = _as_kernels_take(travel[np.newaxis])
     elif current is not None:
-        elapsed = [time - onset for onset in onsets.tolist()]
-        duration = np.array(
-            [
-                running_time(t[t >= 0.0], i[t >= 0.0])[1]
-                for t, i in zip(elapsed, current, strict=True)
-            ]
-        )
-    plateau, found[9] = _plateaus(time, effort, onsets, duration)
-    rise, slope = _build_ups(time, effort, plateau)
-    ends = effort[:, -held:].mean(axis=1)
-    found[:6] = rise - onsets, slope, peak, time[at] - onsets, plateau, ends
-    found[7] = duration
-    found[8] = np.where(slip >= 0, time[slip] - onsets, np.nan)
-    found[:, ~some] = np.nan
-    return found
-
-
-def _plateaus(
-    time: Floats, effort: Floats, onsets: Floats, duration: Floats
-) -> tuple[Floats, Floats]:
-    """Return median and vibration in the middle of the movement of each row [N]."""
-    found, swing = np.full((2, duration.size), np.nan)
-    rate = (time.size - 1) / (time[-1] - time[0])
-    half = window_samples(SLOW, rate=rate) // 2
-    cases, of_case = np.unique(np.stack((onsets, duration)), axis=1, return_inverse=True)
-    middle = [
-        np.searchsorted(time - start, np.multiply(length, MIDDLE)) for start, length in cases.T
-    ]
-    bounds, of_each = np.unique(np.array(middle)[of_case.ravel()], axis=0, return_inverse=True)
-    for number, (low, high) in enumerate(bounds.tolist()):  # mostly a few
-        if high > low:
-            alike = of_each == number if len(bounds) > 1 else slice(None)
-            found[alike] = _medians(effort[alike, low:high])
-            if half and low >= half and high + half <= time.size:
-                swing[alike] = _swings(effort[alike, low - half : high + half], half)
-    return found, swing
-
-
-def _swings(values: Floats, half: int) -> Floats:
-    """Return the root mean square of rows about their means over ``2 half + 1`` samples.
-
-    Half a window at either end serves the means alone.
-    """
-    inner = values[:, half : values.shape[1] - half]
-    sums = np.cumsum(np.pad(values - inner[:, :1], ((0, 0), (1, 0))), axis=1)
-    width = 2 * half + 1
-    means = (sums[:, width:] - sums[:, :-width]) / width + inner[:, :1]
-    return np.asarray(np.sqrt(np.square(inner - means).mean(axis=1)), dtype=np.float64)
-
-
-def _medians(values: Floats) -> Floats:
-    """Return the `numpy.median` of each row, in a third of its time for short rows."""
-    rising, half = np.sort(values, axis=1), values.shape[1] // 2
-    middle = rising[:, half]
-    if values.shape[1] % 2 == 0:
-        middle = 0.5 * (rising[:, half - 1] + middle)
-    return np.where(np.isnan(rising[:, -1]), np.nan, middle)  # NaN comes last
-
-
-def _build_ups(time: Floats, effort: Floats, plateau: Floats) -> tuple[Floats, Floats]:
-    """Return onset [s] and slope [N/s] of the last rise of each row to its largest filtered effort.
-
-    NaN where there is none.
-    """
-    rate = (time.size - 1) / (time[-1] - time[0])
-    half = min(window_samples(WINDOW, rate=rate) // 2, time.size - 1)
-    scratch, places = np.empty((3, time.size)), np.empty((plateau.size, 2), dtype=np.int64)
-    heights, level = np.full((plateau.size, 2), np.nan), row_levels(effort)
-    rising = (LOW, HIGH)
-    find_rises(effort, level, plateau, half, LEAST_RISE, rising, scratch, places, heights)
-    first, last = places.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (heights[:, 1] - heights[:, 0]) / (time[last] - time[first])
-    return np.where(first >= 0, time[first], np.nan), np.where(first >= 0, slope, np.nan)
+        lengths = _running_times(elapsed, current[np.newaxis], windows, onset)
+    of_rows = np.array([limit]), onset, lengths
+    force = _as_kernels_take(effort[np.newaxis])
+    one: Floats = _measured(elapsed, force, path, windows, of_rows, 1.0)[:, 0]
+    return one
 
 
 def _of_campaign(dataset: "xr.Dataset") -> "xr.Dataset":

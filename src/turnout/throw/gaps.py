@@ -29,7 +29,7 @@ from turnout.throw.recovery import (
     row_terms,
     stack_terms,
 )
-from turnout.throw.route import closed_rail, closed_spans
+from turnout.throw.route import closed_rail, throws
 
 Floats = NDArray[np.float64]
 AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
@@ -158,23 +158,26 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    at_drives, at_sensors = split_gaps_of(panel, [gaps], time, kind=np.float64)
+    starts = np.searchsorted(time, [[throw.start - 1e-9 for throw in throws(panel)]])
+    at_drives, at_sensors = split_gaps_of(panel, [gaps], starts, kind=np.float64)
     return at_drives[0], at_sensors[0]
 
 
 def split_gaps_of(
-    panel: Panel, throws: Sequence[Floats], time: Floats, *, kind: type[AnyFloat]
+    panel: Panel, gaps: Sequence[Floats], starts: NDArray[np.int64], *, kind: type[AnyFloat]
 ) -> tuple[NDArray[AnyFloat], NDArray[AnyFloat]]:
     """Return `split_gaps` of many throws of the same movements, as numbers of a kind.
+
+    Shorter ones are filled up with NaN.
 
     Parameters
     ----------
     panel : Panel
         Of one of them.
-    throws : sequence of ndarray, shape (n_places, n_times)
+    gaps : sequence of ndarray, shape (n_places, n_times)
         Open distances of each [m].
-    time : ndarray, shape (n_times,)
-        [s]
+    starts : ndarray of int, shape (n, n_movements)
+        The first instant of each movement among those of its throw.
     kind : type
         ``numpy.float32`` or ``numpy.float64``.
 
@@ -183,15 +186,19 @@ def split_gaps_of(
     at_drives, at_sensors : ndarray, shapes (n, n_drives, n_times), (n, n_sensors, n_times)
         [m]
     """
-    spans = closed_spans(panel, time)
+    closes = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
+    sizes = np.array([one.shape[1] for one in gaps])
+    edges = np.zeros((len(gaps), len(closes) + 1), dtype=np.int64)
+    edges[:, 1:-1], edges[:, -1] = np.minimum(starts, sizes[:, np.newaxis]), sizes
 
     def of_closed(family: slice, count: int) -> NDArray[AnyFloat]:
-        found = np.empty((len(throws), count, time.size), dtype=kind)
-        for gaps, own in zip(throws, found, strict=True):
+        found = np.empty((len(gaps), count, sizes.max()), dtype=kind)
+        for one, own, bounds in zip(gaps, found, edges.tolist(), strict=True):
             # at any instant one of the two is wanted closed
-            first, second = gaps[family][:count], gaps[family][count:]
-            for begin, end, closed in spans:
+            first, second = one[family][:count], one[family][count:]
+            for begin, end, closed in zip(bounds, bounds[1:], closes, strict=False):
                 own[:, begin:end] = (first if closed else second)[:, begin:end]
+            own[:, one.shape[1] :] = np.nan
         return found
 
     drives, sensors = len(panel.drive), len(panel.sensor)

@@ -25,6 +25,7 @@ from turnout.throw.signals import Channel, object_rows, slip_forces
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 DIRECTIONS = ("opening", "closing")
 DISTANCES = (FLANGEWAY, GAUGE)
@@ -59,9 +60,7 @@ def _earliest(times: Floats) -> Floats:
     return found
 
 
-def force_margins(
-    panel: Panel, *, time: Floats, drive_force: Floats, limits: Floats | None = None
-) -> Floats:
+def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
     """Return the force left below the saturation force in opening and in closing movements.
 
     Only force in the direction of the movement counts. At the onset of a movement a drive still
@@ -73,34 +72,60 @@ def force_margins(
         For saturation forces and movements.
     time : ndarray, shape (n_times,)
         [s]
-    drive_force : ndarray, shape (..., n_drives, n_times)
-        Also of many throws [N].
-    limits : ndarray, shape (..., n_drives), optional
-        Saturation forces; default those of the panel [N].
+    drive_force : ndarray, shape (n_drives, n_times)
+        [N]
 
     Returns
     -------
-    ndarray, shape (..., n_drives, 2)
+    ndarray, shape (n_drives, 2)
         Saturation force less the largest force in the direction of a movement, from its onset to
         that of the next one; opening first [N]. NaN where there is no such movement.
     """
-    if limits is None:
-        limits = slip_forces(panel)
-    margins = np.full((*limits.shape, len(DIRECTIONS)), np.nan)
-    for throw in throws(panel):
-        bounds = (throw.start - TIME_TOLERANCE, throw.until - TIME_TOLERANCE)
-        first, last = time.searchsorted(bounds).tolist()
-        if first == last:
-            continue
-        during = drive_force[..., first:last]
-        if throw.to == "closed":
-            effort = np.maximum.reduce(during, axis=-1)
-        else:
-            effort = -np.minimum.reduce(during, axis=-1)
-        margin = limits - np.maximum(effort, 0.0)
-        column = DIRECTIONS.index(throw.direction)
-        margins[..., column] = np.fmin(margins[..., column], margin)
+    moved = throws(panel)
+    bounds = [throw.start - TIME_TOLERANCE for throw in moved]
+    firsts = np.append(time.searchsorted(bounds), time.size)
+    starts = np.broadcast_to(firsts, (drive_force.shape[0], firsts.size))
+    return margins_between(drive_force, starts, slip_forces(panel), [item.to for item in moved])
+
+
+def margins_between(force: Floats, starts: Ints, limits: Floats, to: Sequence[str]) -> Floats:
+    """Return `force_margins` of rows of many throws.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n_rows, n_times)
+        [N]
+    starts : ndarray of int, shape (n_rows, n_movements + 1)
+        First instant of each movement of each row, and that after its last one.
+    limits : ndarray, shape (n_rows,)
+        Saturation forces [N].
+    to : sequence of str
+        Positions to which the movements go, "open" or "closed".
+
+    Returns
+    -------
+    ndarray, shape (n_rows, 2)
+        [N]
+    """
+    margins = np.full((limits.size, len(DIRECTIONS)), np.nan)
+    for number, position in enumerate(to):
+        closes = position == "closed"
+        first, last = starts[:, number], starts[:, number + 1]
+        largest = _between(np.maximum, force, first, last) if closes else None
+        effort = -_between(np.minimum, force, first, last) if largest is None else largest
+        column = DIRECTIONS.index("closing" if closes else "opening")
+        margins[:, column] = np.fmin(margins[:, column], limits - np.maximum(effort, 0.0))
     return margins
+
+
+def _between(ufunc: np.ufunc, values: Floats, first: Ints, last: Ints) -> Floats:
+    """Reduce a part of each row, by its first place and that after its last; NaN without one."""
+    row_begins = np.arange(values.shape[0]) * values.shape[1]
+    bounds = np.stack([first + row_begins, last + row_begins], axis=1).ravel()
+    inside = np.minimum(bounds, values.size - 1)
+    # every other one is what lies between the parts; the last one may end with the values
+    reduced = ufunc.reduceat(values.ravel(), inside[:-1] if bounds[-1] == values.size else inside)
+    return np.where(first < last, reduced[::2], np.nan)
 
 
 def control_states(
@@ -112,7 +137,6 @@ def control_states(
     drive_gap: Floats,
     sensor_gap: Floats | None,
     moved: Sequence[DirectedMovement] | None = None,
-    limits: tuple[Floats, Floats, Floats] | None = None,
 ) -> dict[str, Channel]:
     """Return `in_control` of every sensor and `locked` by the panel's rule.
 
@@ -125,21 +149,18 @@ def control_states(
         For the rule and the limits.
     time : ndarray, shape (n_times,)
         [s]
-    slipping : ndarray of bool, shape (..., n_drives, n_times)
-        Whether a drive is at its saturation force; like the others also of many throws.
-    drive_force : ndarray, shape (..., n_drives, n_times)
+    slipping : ndarray of bool, shape (n_drives, n_times)
+        Whether a drive is at its saturation force.
+    drive_force : ndarray, shape (n_drives, n_times)
         On the rail [N].
-    drive_gap : ndarray, shape (..., n_drives, n_times)
+    drive_gap : ndarray, shape (n_drives, n_times)
         Raw gap at the rods [m].
-    sensor_gap : ndarray, shape (..., n_sensors, n_times), optional
+    sensor_gap : ndarray, shape (n_sensors, n_times), optional
         [m]
     moved : sequence of Throw, optional
         The movements as they were made; default those of the schedule.
-    limits : tuple of ndarray, optional
-        Slip forces, gaps at drives and gaps at sensors from which they refuse, shapes
-        (..., n_drives) twice and (..., n_sensors); default those of the panel [N], [m], [m].
     """
-    slip_limit, gap_limit, at_sensors = state_limits(panel) if limits is None else limits
+    slip_limit, gap_limit, at_sensors = state_limits(panel)
     drives = DriveStates(
         slipping=slipping,
         force=drive_force,
@@ -147,8 +168,32 @@ def control_states(
         slip_limit=slip_limit,
         gap_limit=gap_limit,
     )
-    held = lock_holds(panel.lock.rule, drives, rail_closes(panel, time))
-    states: dict[str, Channel] = {"locked": (("time",), held & at_rest(panel, time, moved))}
+    rests = at_rest(panel, time, moved), rail_closes(panel, time)
+    return states_at(panel.lock.rule, drives, rests, (sensor_gap, at_sensors))
+
+
+def states_at(
+    rule: str,
+    drives: DriveStates,
+    rests: tuple[Flags, Flags],
+    sensors: tuple[Floats | None, Floats],
+) -> dict[str, Channel]:
+    """Return `control_states` at some instants, also of many throws.
+
+    Parameters
+    ----------
+    rule : str
+        For what is locked.
+    drives : DriveStates
+        At these instants.
+    rests : tuple of ndarray of bool, shape (..., n_times)
+        Whether no movement is under way, and whether a rail should be closed.
+    sensors : tuple of ndarray, shapes (..., n_sensors, n_times) and (..., n_sensors)
+        Gaps at sensors, or None, and their limits [m].
+    """
+    sensor_gap, at_sensors = sensors
+    held = lock_holds(rule, drives, rests[1])
+    states: dict[str, Channel] = {"locked": (("time",), held & rests[0])}
     if sensor_gap is not None:
         states["in_control"] = (("sensor", "time"), sensor_gap < at_sensors[..., np.newaxis])
     return states

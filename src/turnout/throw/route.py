@@ -114,18 +114,35 @@ def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
 
 def rail_closes(panel: Panel, time: Floats) -> Flags:
     """Flag the instants with a rail that should be closed: all, but for a single open rail."""
+    return rail_closes_after(panel, time, np.array([throw.start for throw in throws(panel)]))
+
+
+def rail_closes_after(panel: Panel, time: Floats, starts: Floats) -> Flags:
+    """Return `rail_closes` of movements with onsets of their own, shape (..., n_movements) [s]."""
     if len(panel.rail) > 1:
-        return np.ones(time.size, dtype=np.bool_)
-    return wanted_closed(panel, time)[0][1]
+        return np.ones(time.shape, dtype=np.bool_)
+    begun = time[..., np.newaxis, :] >= starts[..., np.newaxis] - 1e-9
+    closed = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
+    return np.asarray(np.array(closed)[begun.sum(axis=-2)])
 
 
 def at_rest(panel: Panel, time: Floats, moved: Sequence[DirectedMovement] | None = None) -> Flags:
-    """Flag the times, rising, at which no movement is under way, shape (n_times,).
+    """Flag the times at which no movement is under way, shape (n_times,).
 
     Movements are those of the schedule, or as they were made.
     """
-    rest = np.ones(time.size, dtype=np.bool_)
-    for throw in throws(panel) if moved is None else moved:
-        first, end = time.searchsorted((throw.start - 1e-9, throw.end - 1e-9)).tolist()
-        rest[first:end] = False
-    return rest
+    made = throws(panel) if moved is None else moved
+    return rests_between(
+        time, np.array([throw.start for throw in made]), np.array([throw.end for throw in made])
+    )
+
+
+def rests_between(time: Floats, starts: Floats, ends: Floats) -> Flags:
+    """Flag the times at which no movement is under way, shape (..., n_times).
+
+    Onsets and ends of the movements have the shape (..., n_movements) [s].
+    """
+    instants = time[..., np.newaxis, :]
+    moves = instants >= starts[..., np.newaxis] - 1e-9
+    moves &= instants < ends[..., np.newaxis] - 1e-9
+    return np.asarray(~moves.any(axis=-2))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 LEAST_SHARE = 0.1
 TIME_TOLERANCE = 1e-9
@@ -231,16 +232,28 @@ def slip_onsets(
     ndarray, shape (..., n_drives, n_movements)
         [s]
     """
+    ends = np.searchsorted(time, [until for _, until in spans[:-1]])
+    flags = slipping.reshape(-1, *slipping.shape[-2:])
+    found = first_slips(time, flags, np.broadcast_to(ends, (flags.shape[0], ends.size)))
+    return found.reshape(*slipping.shape[:-1], len(spans))
+
+
+def first_slips(time: Floats, slipping: Flags, ends: Ints) -> Floats:
+    """Return `slip_onsets` of many throws, shape (n, n_drives, n_movements) [s].
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        Rising [s].
+    slipping : ndarray of bool, shape (n, n_drives, n_times)
+    ends : ndarray of int, shape (n, n_movements - 1)
+        The first instant of each movement of each throw but of the first one.
+    """
     begins = slipping.copy()
     begins[..., 1:] &= ~slipping[..., :-1]
-    onsets = np.full((*slipping.shape[:-1], len(spans)), np.nan)
-    for number, (span, until) in enumerate(spans):
-        onset = span.start if span is not None and number else -math.inf
-        first, last = np.searchsorted(time, (onset, until)).tolist()
-        within = begins[..., first:last]
-        if last > first:
-            at = time[first + within.argmax(axis=-1)]
-            onsets[..., number] = np.where(within.any(axis=-1), at, np.nan)
+    onsets = np.full((*slipping.shape[:-1], ends.shape[1] + 1), np.nan)
+    throw, drive, at = (found[::-1] for found in np.nonzero(begins))  # the first one is last
+    onsets[throw, drive, (at[:, np.newaxis] >= ends[throw]).sum(axis=1)] = time[at]
     return onsets
 
 

@@ -246,11 +246,21 @@ def _stacked_variables(study: Study, rows: Sequence[ScenarioRow]) -> dict[str, S
 
 
 class _Piece(NamedTuple):
-    """A variable of some rows: their places, the dimensions of one, and values of each."""
+    """A variable of some rows: places, dimensions of one, values and number of instants of each."""
 
     places: list[int]
     dims: tuple[str, ...]
     values: NDArray[np.generic]
+    instants: NDArray[np.int64]
+
+    @property
+    def shorter(self) -> NDArray[np.bool_] | None:
+        """Values beyond the last instant of their row; None where there is none."""
+        if self.dims[-1:] != ("time",) or self.instants.min() >= self.values.shape[-1]:
+            return None
+        beyond = np.arange(self.values.shape[-1]) >= self.instants[:, np.newaxis]
+        between = (np.newaxis,) * (self.values.ndim - 2)
+        return np.broadcast_to(beyond[:, *between], self.values.shape)
 
 
 class _Group(NamedTuple):
@@ -262,8 +272,10 @@ class _Group(NamedTuple):
 
     def piece(self, dims: tuple[str, ...], values: NDArray[np.generic]) -> _Piece:
         """Return a variable of the rows; `values` are those of all throws."""
-        all_of_it = self.numbers == [*range(len(values))]
-        return _Piece(self.places, dims, values if all_of_it else values[self.numbers])
+        instants = self.stored.instants
+        if self.numbers != [*range(len(values))]:
+            values, instants = values[self.numbers], instants[self.numbers]
+        return _Piece(self.places, dims, values, instants)
 
 
 def _group_rows(rows: Sequence[ScenarioRow]) -> list[_Group]:
@@ -350,7 +362,7 @@ def _stack(name: str, pieces: Sequence[_Piece], count: int, *, coordinate: bool)
     logical = any(piece.values.dtype.kind == "b" for piece in pieces)
     whole = kind.kind in "bi"  # states of machines are -1 without a machine too
     dtype, empty = (np.dtype(np.int8), UNKNOWN_LOGICAL) if whole else (kind, np.nan)
-    alone = len(first.places) == count and kind == dtype
+    alone = len(first.places) == count and kind == dtype and first.shorter is None
     values = first.values if alone else _join(pieces, count, dtype, empty)
     attributes = variable_attributes(name)
     if logical:
@@ -374,5 +386,7 @@ def _join(
         places = slice(piece.places[0], piece.places[-1] + 1)
         neighbours = places.stop - places.start == len(piece.places)
         within = map(slice, piece.values.shape[1:])
-        values[(places if neighbours else piece.places, *within)] = piece.values
+        shorter = piece.shorter
+        given = piece.values if shorter is None else np.where(shorter, empty, piece.values)
+        values[(places if neighbours else piece.places, *within)] = given
     return values

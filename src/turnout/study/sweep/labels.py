@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.metric.features import FEATURES, run_features
+from turnout.panel.lock_rule import DriveStates
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.breaking import BLOW_SHARE, COARSE_BLOW_SHARE
 from turnout.throw.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
 from turnout.throw.lock_and_control import (
     contact_labels,
-    control_states,
     distance_labels,
-    force_margins,
+    margins_between,
+    states_at,
 )
-from turnout.throw.route import sensor_rails
-from turnout.throw.slip import slip_onsets, switched_off_by
+from turnout.throw.route import rail_closes_after, rests_between, sensor_rails
+from turnout.throw.slip import TIME_TOLERANCE, first_slips, switched_off_by
 from turnout.throw.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 
 Floats = NDArray[np.float64]
@@ -83,12 +84,12 @@ def compute_labels(throws: AlikeThrows) -> Values:
 def _drive_features(throws: AlikeThrows) -> Values:
     """Return the features of each drive and movement, the drives of all throws at once."""
     count = len(throws.runs)
-    onsets = np.array([[item.start for item in run.moved] for run in throws.runs])
     found = run_features(
         throws.time,
         throws.recorded_force.reshape(-1, throws.time.size),
         spans=throws.runs[0].spans,
-        onsets=np.repeat(onsets, throws.force.shape[1], axis=0),
+        onsets=throws.of_rows(throws.starts),
+        ends=throws.of_rows(throws.sizes),
         limits=throws.slip_limits.ravel(),
         travel=throws.displacement.reshape(-1, throws.time.size),
     )
@@ -100,19 +101,25 @@ def _drive_features(throws: AlikeThrows) -> Values:
 def _state_labels(throws: AlikeThrows) -> Values:
     """Return margins, and gaps and states at the end; `_locked` and `_in_control` at all rests."""
     first, (drive_gap, sensor_gap) = throws.runs[0], throws.rest_gaps
-    margins = force_margins(
-        first.panel, time=throws.time, drive_force=throws.force, limits=throws.slip_limits
+    begins = np.concatenate(
+        [throws.instants(throws.starts - TIME_TOLERANCE), throws.sizes[:, None]], 1
     )
-    states = control_states(
-        first.panel,
-        time=throws.time[throws.rests],
-        slipping=throws.slipping[..., throws.rests],
-        drive_force=throws.force[..., throws.rests],
-        drive_gap=drive_gap,
-        sensor_gap=sensor_gap if sensor_gap.size else None,
-        moved=first.moved,
-        limits=(throws.slip_limits, *throws.gap_limits),
+    margins = margins_between(
+        throws.force.reshape(-1, throws.time.size),
+        throws.of_rows(begins),
+        throws.slip_limits.ravel(),
+        [item.to for item in first.moved],
+    ).reshape(*throws.slip_limits.shape, -1)
+    at = throws.rests[:, np.newaxis]
+    drives = DriveStates(
+        slipping=np.take_along_axis(throws.slipping, at, axis=-1),
+        force=np.take_along_axis(throws.force, at, axis=-1),
+        gap=drive_gap,
+        slip_limit=throws.slip_limits,
+        gap_limit=throws.gap_limits[0],
     )
+    sensors = sensor_gap if sensor_gap.size else None, throws.gap_limits[1]
+    states = states_at(first.panel.lock.rule, drives, _rest_flags(throws), sensors)
     found: Values = {
         "force_margin": (("drive", "direction"), margins),
         "end_gap": (("drive",), drive_gap[..., -1]),
@@ -123,6 +130,14 @@ def _state_labels(throws: AlikeThrows) -> Values:
     if first.late()[-1]:
         found["end_locked"] = ((), np.full(len(throws.runs), UNKNOWN_LOGICAL, np.int8))
     return found
+
+
+def _rest_flags(throws: AlikeThrows) -> tuple[Flags, Flags]:
+    """Return whether the rests are at rest, and whether a rail should be closed there."""
+    times = throws.time[throws.rests]
+    ends = np.array([[item.end for item in run.moved] for run in throws.runs])
+    closes = rail_closes_after(throws.runs[0].panel, times, throws.starts)
+    return rests_between(times, throws.starts, ends), closes
 
 
 def _contact_labels(throws: AlikeThrows) -> Values:
@@ -143,7 +158,7 @@ def _items(throws: AlikeThrows, contact: Values) -> list[list[TrappedItem]]:
     if "object_contact_time" in contact:
         touched = contact["object_contact_time"][1]
     return [
-        _items_of(run, own, float(throws.time[-1]))
+        _items_of(run, own, float(run.watched.time[-1]))
         for run, own in zip(throws.runs, touched.tolist(), strict=True)
     ]
 
@@ -227,11 +242,10 @@ def _asked(run: ThrowSignals, after: Ints) -> Flags:
 
 def _slip_onsets(throws: AlikeThrows) -> Floats:
     """Return when each drive first slips in each movement, shape (n, n_drives, n_movements) [s]."""
-    spans, flags = throws.runs[0].periods, throws.slipping
-    onsets = np.full((*flags.shape[:2], len(spans)), np.nan)
+    flags, ends = throws.slipping, throws.instants(throws.starts[:, 1:])
+    onsets = np.full((*flags.shape[:2], ends.shape[1] + 1), np.nan)
     some = flags.any(axis=(1, 2))
-    if some.any():
-        onsets[some] = slip_onsets(throws.time, flags[some], spans)
+    onsets[some] = first_slips(throws.time, flags[some], ends[some])
     return onsets
 
 
@@ -281,18 +295,20 @@ def object_labels(throws: AlikeThrows, contact: Floats) -> Values:
         When any object was first touched, NaN for never [s].
     """
     force = throws.on_objects["object_force"][1].astype(np.float64, copy=False)
-    slipped, onset = np.zeros(force.shape, dtype=np.bool_), 0
-    for span in throws.runs[0].spans:
-        onset = int(np.searchsorted(throws.time, span.start - 1e-9))
-        effort = throws.force[..., onset:]
-        # At the onset of a movement a drive may still hold with the force of the one before.
-        working = effort > 0 if span.to == "closed" else effort < 0
-        slipped[:, onset:] = (throws.slipping[..., onset:] & working).any(axis=1)
+    ways = [1.0 if span.to == "closed" else -1.0 for span in throws.runs[0].spans]
+    slipped, last = np.zeros((2, *force.shape), dtype=np.bool_)
+    some = throws.slipping.any(axis=(1, 2))
+    onsets = throws.instants(throws.starts - TIME_TOLERANCE)[some]
+    begun = (np.arange(throws.time.size)[:, np.newaxis] >= onsets[:, np.newaxis]).sum(axis=-1)
+    # At the onset of a movement a drive may still hold with the force of the one before.
+    effort = np.array([0.0, *ways])[begun][:, np.newaxis] * throws.force[some]
+    slipped[some] = (throws.slipping[some] & (effort > 0.0)).any(axis=1)
+    last[some] = begun == len(ways)
     alone = np.searchsorted(throws.time, np.where(np.isfinite(contact), contact, np.inf))
     first = np.where(slipped.any(axis=1), slipped.argmax(axis=1), throws.time.size)
     return {
-        "object_force_peak": ((), np.max(force, axis=1, initial=0.0)),
-        "object_force_end": ((), force[:, -1]),
-        "slipped": ((), np.asarray(slipped[:, onset:].any(axis=1))),
+        "object_force_peak": ((), np.fmax.reduce(force, axis=1, initial=0.0)),
+        "object_force_end": ((), force[np.arange(len(force)), throws.sizes - 1]),
+        "slipped": ((), np.asarray((slipped & last).any(axis=1))),
         "slipped_free": ((), first < alone),
     }

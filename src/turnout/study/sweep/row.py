@@ -41,6 +41,8 @@ from turnout.throw.simulate import PlannedThrow, Solved, plan_throw, solve_plann
 Floats = NDArray[np.float64]
 Variables = dict[str, Channel]
 
+_NO_INSTANTS = np.zeros(0, dtype=np.int64)
+
 OUTCOMES = ("complete", "failed", "invalid", "skipped", "inaccurate")
 """Outcome of a scenario: to its end; not even with a finer step; not possible; left out by the
 rule of its chain; to its end, but with an energy balance that does not close, not even with a finer
@@ -88,10 +90,13 @@ class StoredThrows:
         Histories, labels and features, throws first; the dimensions are those of one.
     coordinates : dict of str to (dims, ndarray)
         Of these; those of dimensions once for all throws, all others with throws first too.
+    instants : ndarray of int, shape (n,)
+        Of histories each throw has so many; what follows them means nothing.
     """
 
     variables: Variables
     coordinates: Variables
+    instants: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -321,7 +326,7 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[ScenarioRow]:
 
 def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[StoredThrows, int]]:
     """Return histories, labels and features of some throws, alike ones at once."""
-    found: list[tuple[StoredThrows, int]] = [(StoredThrows({}, {}), 0)] * len(runs)
+    found: list[tuple[StoredThrows, int]] = [(StoredThrows({}, {}, _NO_INSTANTS), 0)] * len(runs)
     for numbers in group_by_layout(runs):
         alike = [runs[number] for number in numbers]
         together = lay_together(alike)
@@ -331,7 +336,8 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Sto
         coordinates |= object_coordinate(alike[0].index, used=used)
         if "x" in used:
             coordinates["x"] = (("x",), default_stations(alike[0].panel))
-        stored = StoredThrows(variables, coordinates)
+        instants = -(-together.sizes // alike[0].watched.stride)
+        stored = StoredThrows(variables, coordinates, instants)
         for place, number in enumerate(numbers):
             found[number] = stored, place
     return found

@@ -1,13 +1,14 @@
 """Signals of many throws at once: forces, markers, slips and gaps over time.
 
 Arrays of a single throw are so small that calling NumPy takes longer than what it does, so signals
-of throws that have the instants before and after each onset in common lie in one array, a throw
-after another.
+of throws with the same movements lie in one array, a throw after another. Each has instants of its
+own number, which movements that wait for machines may change.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,15 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Variables = dict[str, Channel]
+AnyArray = TypeVar("AnyArray", Ints, Floats)
 
 GAPS = ("drive_gap", "sensor_gap")
 OF_DRIVES = ("drive_force", "drive_displacement", "drive_slipping")
 OF_OBJECTS = ("object_force", "single_object_force")
 STACKED_CHANNELS = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
 """Channels that are made for many throws at once."""
+EARLY = 1e-9
+"""So much before its onset a movement decides which rail is to be closed [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,24 +125,28 @@ class ThrowSignals:
         return found, after[found]
 
     def layout(self) -> tuple[object, ...]:
-        """Return where among the instants its movements lie, and which of them are over."""
-        time, starts = self.watched.time, np.array([item.start for item in self.moved])
-        onsets = [time.searchsorted(starts - early).tobytes() for early in (0.0, TIME_TOLERANCE)]
-        rests = [part.tobytes() for part in (self.watched.rests, *self.at_rest())]
+        """Return its movements, which of them are over, and which of its rests are at rest."""
+        rests = [part.tobytes() for part in self.at_rest()]
         ways = [(item.name, item.to, item.unfinished) for item in self.moved]
-        return (*ways, *self.late(), time.size, float(time[-1]), *onsets, *rests)
+        return (*ways, *self.late(), self.watched.rests.size, *rests)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AlikeThrows:
-    """Signals of n throws with the same instants and numbers of movements, drives and sensors.
+    """Signals of n throws with the same movements, drives and sensors.
+
+    Those of throws with fewer instants are filled up: numbers with NaN, flags with False.
 
     Attributes
     ----------
     runs : sequence of ThrowSignals
-        The throws; between the same instants their movements begin, and are over or not.
+        The throws; their movements are over or not.
     time : ndarray, shape (n_times,)
-        Every instant that the solver kept [s].
+        Every instant that the solver kept of the longest one [s].
+    sizes : ndarray of int, shape (n,)
+        Instants of each throw.
+    starts : ndarray, shape (n, n_movements)
+        Onsets of the movements [s].
     force, recorded_force : ndarray, shape (n, n_drives, n_times)
         Of the drives, true and as recorded [N].
     displacement : ndarray, shape (n, n_drives, n_times) or (1, n_drives, n_times)
@@ -149,9 +157,9 @@ class AlikeThrows:
         Forces at which they do [N].
     on_objects : dict
         Forces on the objects: their dimensions, and values with throws first.
-    drive_gap, sensor_gap : ndarray of float32, shape (n, n_drives, n_kept), (n, n_sensors, n_kept)
-        At the rate of the study; without instants where that is not wanted [m].
-    rests : ndarray of int, shape (n_rests,)
+    gaps : tuple of ndarray of float32, shapes (n, n_drives, n_kept) and (n, n_sensors, n_kept)
+        At drives and sensors, at the rate of the study; no instants where that is not wanted [m].
+    rests : ndarray of int, shape (n, n_rests)
         Numbers of the last instants before a next movement or the removal of an object, and of the
         last one.
     rest_gaps : tuple of ndarray, shapes (n, n_drives, n_rests) and (n, n_sensors, n_rests)
@@ -162,90 +170,113 @@ class AlikeThrows:
 
     runs: Sequence[ThrowSignals]
     time: Floats
+    sizes: Ints
+    starts: Floats
     force: Floats
     recorded_force: Floats
     displacement: Floats
     slipping: Flags
     slip_limits: Floats
     on_objects: Variables
-    drive_gap: NDArray[np.float32]
-    sensor_gap: NDArray[np.float32]
-    rests: NDArray[np.int64]
+    gaps: tuple[NDArray[np.float32], NDArray[np.float32]]
+    rests: Ints
     rest_gaps: tuple[Floats, Floats]
     gap_limits: tuple[Floats, Floats]
+
+    def instants(self, starts: Floats) -> Ints:
+        """Return the first instants from some times of each throw on, at most its number of them.
+
+        Times have the shape (n, n_times) [s].
+        """
+        return np.minimum(np.searchsorted(self.time, starts), self.sizes[:, np.newaxis])
+
+    def of_rows(self, values: AnyArray) -> AnyArray:
+        """Return values of each throw, shape (n, ...), for each of its drives."""
+        return cast("AnyArray", np.repeat(values, self.force.shape[1], axis=0))
 
 
 def group_by_layout(runs: Sequence[ThrowSignals]) -> list[list[int]]:
     """Return the numbers of throws whose signals fit in one array, group by group."""
     found: dict[tuple[object, ...], list[int]] = {}
     for number, run in enumerate(runs):
-        panel, seen = run.panel, run.watched.seen
+        panel, watched = run.panel, run.watched
         lock = (panel.lock.rule, panel.schedule.starts, panel.instrumented_rail, *panel.rail)
-        counts = (len(panel.drive), len(panel.sensor), run.watched.stride)
-        objects: object = run.watched.effort.shape
+        counts = (len(panel.drive), len(panel.sensor), watched.stride, watched.seen.size > 0)
+        objects: object = len(watched.effort)
         if len(run.index.object_parts) > 1:
             objects = tuple(map(tuple, object_rows(run.index)))
-        own = [(name, *v.shape) for name, (_, v) in (*run.kept.items(), *run.labels.items())]
-        key = (run.layout(), seen.shape, counts, objects, lock, *own)
+        own = [
+            (name, *v.shape[: v.ndim - ("time" in dims)])
+            for name, (dims, v) in (*run.kept.items(), *run.labels.items())
+        ]
+        key = (run.layout(), counts, objects, lock, *own)
         found.setdefault(key, []).append(number)
     return list(found.values())
 
 
 def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
     """Return the signals of throws that are alike."""
-    panel, time, stride = runs[0].panel, runs[0].watched.time, runs[0].watched.stride
+    panel, stride = runs[0].panel, runs[0].watched.stride
+    time = max((run.watched.time for run in runs), key=len)
+    sizes = np.array([run.watched.time.size for run in runs])
     count = len(panel.drive)
     force = np.empty((len(runs), count, time.size))
     on_objects = np.empty((len(runs), len(runs[0].watched.laws) - count, time.size))
-    for number, run in enumerate(runs):
+    for number, (run, size) in enumerate(zip(runs, sizes.tolist(), strict=True)):
         effort = run.watched.effort  # of drives, then of objects
-        np.subtract(0.0, effort[:count], out=force[number])  # no negative zeros of free drives
-        on_objects[number] = effort[count:]
+        # no negative zeros of free drives
+        np.subtract(0.0, effort[:count], out=force[number, :, :size])
+        on_objects[number, :, :size] = effort[count:]
+        force[number, :, size:] = on_objects[number, :, size:] = np.nan
     slip_limits = np.array([slip_forces(run.panel) for run in runs])
     slipping = is_slipping(force, slip_limits)
-    for flags, run in zip(slipping, runs, strict=True):
+    for flags, run, size in zip(slipping, runs, sizes.tolist(), strict=True):
         if run.clutches is not None:
             drives, slip = run.clutches
-            flags[drives] = slip
+            flags[drives, :size] = slip
     recorded = force
     if any(run.recorder != PERFECT for run in runs):
-        recorded = np.array(
-            [run.recorder.recorded(time, one) for one, run in zip(force, runs, strict=True)]
-        )
-    kept = time[::stride][: runs[0].watched.seen.shape[0]]
-    gaps = split_gaps_of(panel, [run.watched.seen.T for run in runs], kept, kind=np.float32)
-    rests = runs[0].watched.rests
-    resting = [run.watched.seen_rests.T for run in runs]
-    rest_gaps = split_gaps_of(panel, resting, time[rests], kind=np.float64)
+        recorded = force.copy()
+        for one, run, size in zip(recorded, runs, sizes.tolist(), strict=True):
+            one[:, :size] = run.recorder.recorded(run.watched.time, one[:, :size])
+    starts = np.array([[item.start for item in run.moved] for run in runs])
+    rests = np.array([run.watched.rests for run in runs])
     limits = [state_limits(run.panel) for run in runs]
+    late_by = starts - EARLY
+    seen = [run.watched.seen.T for run in runs], np.searchsorted(time[::stride], late_by)
+    resting = [run.watched.seen_rests.T for run in runs]
+    rest_starts = (time[rests][:, np.newaxis] < late_by[..., np.newaxis]).sum(axis=-1)
     return AlikeThrows(
         runs=runs,
         time=time,
+        sizes=sizes,
+        starts=starts,
         force=force,
         recorded_force=recorded,
-        displacement=_displacements(runs),
+        displacement=_displacements(runs, time.size),
         slipping=slipping,
         slip_limits=slip_limits,
         on_objects=object_channels(runs[0].index, on_objects),
-        drive_gap=gaps[0],
-        sensor_gap=gaps[1],
+        gaps=split_gaps_of(panel, *seen, kind=np.float32),
         rests=rests,
-        rest_gaps=rest_gaps,
+        rest_gaps=split_gaps_of(panel, resting, rest_starts, kind=np.float64),
         gap_limits=(np.array([row[1] for row in limits]), np.array([row[2] for row in limits])),
     )
 
 
-def _displacements(runs: Sequence[ThrowSignals]) -> Floats:
+def _displacements(runs: Sequence[ThrowSignals], size: int) -> Floats:
     """Return the positions of the markers of some throws, once if all share them [m].
 
     Throws have inputs in the same memory only where the offsets of their markers are the same.
     """
     all_inputs = [run.watched.inputs for run in runs]
     if len({id(own if own.base is None else own.base) for own in all_inputs}) == 1:
-        runs = runs[:1]
+        runs, all_inputs = runs[:1], all_inputs[:1]
     offsets = np.array([marker_offsets(run.panel) for run in runs])
-    inputs = np.array([run.watched.inputs.T for run in runs])
-    found: Floats = inputs - offsets[..., np.newaxis]
+    found = np.full((len(runs), offsets.shape[1], size), np.nan)
+    for own, inputs in zip(found, all_inputs, strict=True):
+        own[:, : len(inputs)] = inputs.T
+    found -= offsets[..., np.newaxis]
     return found
 
 
@@ -265,8 +296,8 @@ def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> Variables:
         "drive_displacement": (drive, throws.displacement, stride),
         "drive_slipping": (drive, throws.slipping, stride),
         **{name: (dims, values, stride) for name, (dims, values) in throws.on_objects.items()},
-        "drive_gap": (drive, throws.drive_gap, 1),
-        "sensor_gap": (("sensor", "time"), throws.sensor_gap, 1),
+        "drive_gap": (drive, throws.gaps[0], 1),
+        "sensor_gap": (("sensor", "time"), throws.gaps[1], 1),
     }
     stored = {
         name: (dims, _of_each(single_precision(values[..., ::step]), len(throws.runs)))
@@ -274,8 +305,19 @@ def kept_histories(throws: AlikeThrows, wanted: Sequence[str]) -> Variables:
         if name in wanted and values.size
     }
     for name, (dims, _) in throws.runs[0].kept.items():
-        stored[name] = (dims, np.array([run.kept[name][1] for run in throws.runs]))
+        stored[name] = (dims, _filled_up([run.kept[name][1] for run in throws.runs]))
     return stored
+
+
+def _filled_up(values: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
+    """Return values of each throw in one array, the shorter ones filled up along the last axis."""
+    sizes = [one.shape[-1] for one in values]
+    if min(sizes) == max(sizes):
+        return np.array(values)
+    found = np.zeros((len(values), *values[0].shape[:-1], max(sizes)), values[0].dtype)
+    for own, one in zip(found, values, strict=True):
+        own[..., : one.shape[-1]] = one
+    return found
 
 
 def _of_each(values: NDArray[np.generic], count: int) -> NDArray[np.generic]:
