@@ -51,7 +51,17 @@ def lagged(load: Floats, step: float, *, lag: float = LAG, coil: float = COIL) -
 def span(name: str, load: Floats, current: Floats) -> RunningSpan:
     usable = np.arange(load.size) > 20
     others = np.full(load.size, 1e3)
-    return RunningSpan(name=name, current=current, load=load, others=others, usable=usable)
+    return RunningSpan(
+        name=name,
+        number=0,
+        on=0.0,
+        off=STEP * load.size,
+        time=STEP * np.arange(load.size),
+        current=current,
+        load=load,
+        others=others,
+        usable=usable,
+    )
 
 
 def waving(seed: int) -> Floats:
@@ -316,13 +326,14 @@ def test_a_series_motor_gives_back_the_forces_of_its_own_curve() -> None:
 @pytest.mark.parametrize("size", [2, 15, 30, 49, 50, 99])
 def test_a_short_slipping_span_has_an_interval(size: int) -> None:
     rng = np.random.default_rng(size)
-    level = slip_level("a", number=0, current=2.0 + 0.01 * rng.standard_normal(size), held=None)
+    current, held = 2.0 + 0.01 * rng.standard_normal(size), np.full(size, np.nan)
+    level = slip_level("a", number=0, current=current, held=held)
     found = slip_estimate([level])
     assert found is not None
     assert math.isfinite(level.deviation)
     assert found.low < found.value < found.high
     with pytest.raises(MachineError, match="1 sample"):
-        slip_level("a", number=0, current=np.array([2.0]), held=None)
+        slip_level("a", number=0, current=current[:1], held=held[:1])
 
 
 @pytest.mark.parametrize("saturation", [None, 4.0])

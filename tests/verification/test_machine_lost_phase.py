@@ -162,7 +162,7 @@ def test_throws_of_an_s700k(transient: bool) -> None:
 
 
 def test_what_cannot_be() -> None:
-    with pytest.raises(MachineError, match="phase_lost_at is of induction motors"):
+    with pytest.raises(MachineError, match="phase_lost_at: without effect on a permanent magnet"):
         load_machines("jea73", overrides={"supply.phase_lost_at": 1.0})
     both = {"supply.phase_lost_at": 1.0, "supply.shared_resistance": 2.0}
     with pytest.raises(MachineError, match="leave out supply.shared_resistance"):

@@ -253,14 +253,11 @@ class Machine(JudgedRecord):
                 f"the clutch would never slip: {breakaway:.4g} N m to break away, the motor stalls "
                 f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
             )
-        if self.supply.phase_lost_at is not None:
-            if not self.motor.of_kind.alternating:
-                yield f"supply.phase_lost_at is of induction motors; this is {self.motor.kind}"
-            if self.supply.shared_resistance:
-                yield (
-                    "supply.phase_lost_at goes with supply.line_resistance only; leave out "
-                    "supply.shared_resistance"
-                )
+        if self.supply.phase_lost_at is not None and self.supply.shared_resistance:
+            yield (
+                "supply.phase_lost_at goes with supply.line_resistance only; leave out "
+                "supply.shared_resistance"
+            )
         kind = self.motor.of_kind
         spare = [text for key in kind.without_effect if (text := self._given(key))]
         if spare:

@@ -49,8 +49,6 @@ COPPER_COEFFICIENT = 3.9e-3
 """Of the resistance of copper, from its value at 20 degC [1/K]."""
 TRANSIENT_STEP = 2e-4
 """Longest step in which the fluxes of an induction motor are followed: a hundredth of 50 Hz [s]."""
-BRUSHES = ("motor.brush_drop", "motor.contact_loss", "motor.contact_resistance")
-"""Keys of a machine that are of brushes."""
 
 
 def _whole(value: object) -> object:
@@ -155,11 +153,6 @@ class Motor(JudgedRecord):
         missing = [name for name in kind.needs if getattr(self, name) is None]
         if missing:
             yield f"{named} motor needs {' and '.join(missing)}"
-        if not kind.brushes and (self.brush_drop or self.contact_loss or self.contact_resistance):
-            yield (
-                f"{named} motor has no brushes: leave out brush_drop, contact_loss and "
-                "contact_resistance"
-            )
         own = {name for each in MOTOR_KINDS.values() for name in (*each.needs, *each.may_have)}
         spare = own - {*kind.needs, *kind.may_have}
         given = sorted(name for name in spare if getattr(self, name) is not None)
@@ -250,8 +243,6 @@ class MotorKind:
     ----------
     needs, may_have : tuple of str
         Values of `Motor` that kinds differ by: those that it has in any case, and may have.
-    brushes : bool
-        Whether it has brushes.
     alternating : bool
         Whether its supply has three phases, of which one may be lost; currents are then rms values
         of a line.
@@ -269,10 +260,9 @@ class MotorKind:
 
     needs: tuple[str, ...] = ()
     may_have: tuple[str, ...] = ()
-    brushes = True
     alternating = False
-    without_effect: tuple[str, ...] = ()
-    no_effect_since = ""
+    without_effect: tuple[str, ...] = ("supply.phase_lost_at",)
+    no_effect_since = "which has no phases"
     ignored: tuple[str, ...] = ()
     stall = "standstill"
     energy_names: Mapping[str, str] = {}
@@ -280,8 +270,7 @@ class MotorKind:
     @property
     def meaningless(self) -> tuple[str, ...]:
         """Keys of a machine that mean nothing to it."""
-        brushes = () if self.brushes else BRUSHES
-        return (*brushes, *self.without_effect, *self.ignored)
+        return (*self.without_effect, *self.ignored)
 
     def source(self, motor: Motor, supply: Supply) -> str:
         """Return the supply that it needs; machines that share one must need the same."""
@@ -408,10 +397,15 @@ class Induction(MotorKind):
         "leakage_inductance",
     )
     may_have = ("iron_resistance", "main_saturation")
-    brushes = False
     alternating = True
-    without_effect = ("circuit.snub_resistance", "circuit.measured_current")
-    no_effect_since = "whose windings are open after the cut-off and whose line is the supply"
+    without_effect = (
+        *("motor.brush_drop", "motor.contact_loss", "motor.contact_resistance"),
+        *("circuit.snub_resistance", "circuit.measured_current"),
+    )
+    no_effect_since = (
+        "which has no brushes, whose windings are open after the cut-off and whose line is the "
+        "supply"
+    )
     ignored = ("circuit.after_cutoff",)
     stall = "breakdown"
     energy_names: Mapping[str, str] = {"energy_field": "energy_iron", "energy_snub": "energy_arc"}

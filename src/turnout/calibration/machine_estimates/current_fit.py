@@ -135,10 +135,16 @@ class RunningSpan:
     ----------
     name : str
         Of the movement.
+    number : int
+        Its place among the movements of the campaign.
+    on, off : float
+        When the motor ran [s].
+    time : ndarray, shape (n,)
+        [s].
     current : ndarray, shape (n,)
         Positive while it drives, freed of the clamp's zero [A].
     load : ndarray, shape (n,)
-        Force on the rod against the drive [N].
+        Force on the rod against the drive, NaN where none was measured [N].
     others : ndarray, shape (n,)
         Sum of the forces on the other rods, of which its gauge may take up a share [N].
     usable : ndarray of bool, shape (n,)
@@ -146,10 +152,19 @@ class RunningSpan:
     """
 
     name: str
+    number: int
+    on: float
+    off: float
+    time: Floats
     current: Floats
     load: Floats
     others: Floats
     usable: Flags
+
+    @property
+    def duration(self) -> float:
+        """Time for which the motor ran [s]."""
+        return self.off - self.on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,9 +246,9 @@ def fit_load_line(
     Examples
     --------
     >>> load = np.linspace(0.0, 2000.0, 200)
-    >>> usable = np.ones(200, dtype=bool)
-    >>> spans = [RunningSpan(name=n, current=0.8 + 2e-4 * load, load=load, others=0.0 * load,
-    ...                      usable=usable) for n in "abc"]
+    >>> given = {"on": 0.0, "off": 2.0, "time": STEP * np.arange(200), "load": load}
+    >>> given |= {"current": 0.8 + 2e-4 * load, "others": 0.0 * load, "usable": load >= 0.0}
+    >>> spans = [RunningSpan(name=name, number=0, **given) for name in "abc"]
     >>> line = fit_load_line(spans)
     >>> round(line.idle.value, 6), round(1e3 * line.slope.value, 6)
     (0.8, 0.2)
@@ -373,8 +388,8 @@ class SlipLevel:
     held: float
 
 
-def slip_level(name: str, *, number: int, current: Floats, held: Floats | None) -> SlipLevel:
-    """Return the mean current of a slipping span, at every `STEP`.
+def slip_level(name: str, *, number: int, current: Floats, held: Floats) -> SlipLevel:
+    """Return the mean current of a slipping span, at every `STEP`, and of the force `held`.
 
     A span of less than 0.2 s counts as one value with the scatter of its samples.
 
@@ -397,7 +412,7 @@ def slip_level(name: str, *, number: int, current: Floats, held: Floats | None) 
         current=float(current.mean()),
         deviation=deviation,
         blocks=max(len(blocks), 2),
-        held=float(np.mean(held)) if held is not None else math.nan,
+        held=float(held.mean()),
     )
 
 

@@ -29,7 +29,6 @@ from turnout.calibration.machine_estimates.force_anchor import ForceAnchor, Gaug
 from turnout.calibration.machine_estimates.running_spans import (
     LEAST_RUN,
     OVERRUN,
-    Ran,
     ran_spans,
     steady_and_slipping,
 )
@@ -198,7 +197,7 @@ def fit_machines(
         for drive in (str(name) for name in campaign["drive"].values)
         for direction in ("closing", "opening")
     }
-    lengths = [item.off - item.on for items in ran.values() for item in items]
+    lengths = [item.duration for items in ran.values() for item in items]
     if not lengths:
         text = f"no motor runs: no drive_current stays above its standstill for {LEAST_RUN:g} s"
         raise MeasurementError([text], source="machine fit")
@@ -207,10 +206,10 @@ def fit_machines(
     found = []
     for (drive, direction), (spans, levels) in cut.items():
         items, slip = ran[drive, direction], slip_estimate(levels)
-        free = [i.off - i.on for i in items if i.off - i.on <= usual[drive] + OVERRUN]
+        free = [i.duration for i in items if i.duration <= usual[drive] + OVERRUN]
         both = [level.current for key, (_, own) in cut.items() if key[0] == drive for level in own]
         lowest = min(both, default=math.inf)
-        line = _line(spans, items, series=saturation_current, slip_current=lowest)
+        line = _line(spans, series=saturation_current, slip_current=lowest)
         given = (idle or {}, gauges or {}, sisters or {})
         anchor = _anchor(drive, line, slip, *given, series=saturation_current)
         known = line.idle.value if isinstance(line, LoadLine) else (idle or {}).get(drive)
@@ -236,14 +235,14 @@ def fit_machines(
 
 
 def _usual_length(
-    ran: Mapping[tuple[str, str], Sequence[Ran]], drive: str, lengths: Sequence[float]
+    ran: Mapping[tuple[str, str], Sequence[RunningSpan]], drive: str, lengths: Sequence[float]
 ) -> float:
     """Return how long a drive's motor usually runs when its clutch does not slip [s].
 
     From its own shortest tenth, since drives differ; but one that slips in all of its movements
     is seen by the others.
     """
-    own = [i.off - i.on for key, items in ran.items() if key[0] == drive for i in items]
+    own = [i.duration for key, items in ran.items() if key[0] == drive for i in items]
     longest = ALIKE * float(np.quantile(lengths, 0.1))
     return min(float(np.quantile(own, 0.1)), longest) if own else longest
 
@@ -262,13 +261,9 @@ def _check(campaign: xr.Dataset, given: Mapping[str, Mapping[str, object] | None
 
 
 def _line(
-    spans: Sequence[RunningSpan],
-    items: Sequence[Ran],
-    *,
-    series: float | None,
-    slip_current: float,
+    spans: Sequence[RunningSpan], *, series: float | None, slip_current: float
 ) -> LoadLine | NotIdentified:
-    with_force = [s for s, item in zip(spans, items, strict=True) if item.has_load]
+    with_force = [span for span in spans if np.isfinite(span.load).any()]
     if not with_force:
         return NotIdentified(reason="no force was measured at this drive")
     return fit_load_line(

@@ -1,7 +1,7 @@
 """When the motors of a campaign ran, ran steadily and slipped: cut from currents."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -30,26 +30,7 @@ SLIP_BAND, LEAST_SLIP = 0.02, 0.5
 """A slipping span stays within this share of its last value, for so long at least [-, s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ran:
-    """A motor that ran: samples of one drive in one movement at every `STEP`.
-
-    Loads of its span are NaN where no force was measured; `on` and `off` are when it ran [s].
-    """
-
-    span: RunningSpan
-    number: int
-    time: Floats
-    on: float
-    off: float
-
-    @property
-    def has_load(self) -> bool:
-        """True if the force on its rod was measured."""
-        return not bool(np.isnan(self.span.load).all())
-
-
-def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[Ran]:
+def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[RunningSpan]:
     """Return the movements of a drive in which its motor ran."""
     time = campaign["time"].values
     rows = np.flatnonzero(campaign["direction"].values == direction)
@@ -75,12 +56,16 @@ def ran_spans(campaign: xr.Dataset, drive: str, direction: str) -> list[Ran]:
         at = time[kept][every]
         span = RunningSpan(
             name=str(one["movement"].values),
+            number=int(number),
+            on=on,
+            off=off,
+            time=at,
             current=freed[every],
             load=load[every],
             others=others[every],
             usable=(at >= on + SETTLED) & (at <= off - MARGIN),
         )
-        found.append(Ran(span=span, number=int(number), time=at, on=on, off=off))
+        found.append(span)
     return found
 
 
@@ -106,21 +91,22 @@ def _switched(time: Floats, current: Floats, raw: Floats) -> tuple[Floats, float
 
 
 def steady_and_slipping(
-    items: Sequence[Ran], usual: float
+    ran: Sequence[RunningSpan], usual: float
 ) -> tuple[list[RunningSpan], list[SlipLevel]]:
     """Cut the movements into steady running and slipping."""
     spans, levels = [], []
-    for item in items:
-        span = item.span
-        if item.off - item.on > usual + OVERRUN:
-            until = np.flatnonzero(item.time <= item.off - MARGIN)
+    for span in ran:
+        if span.duration > usual + OVERRUN:
+            until = np.flatnonzero(span.time <= span.off - MARGIN)
             last = float(np.median(span.current[until[-round(0.4 / STEP) :]]))
             off = np.flatnonzero(np.abs(span.current[until] - last) > SLIP_BAND * last)
             first = until[off[-1]] + round(0.2 / STEP) if off.size else until[0]
             slips = slice(first, until[-1] + 1)
             if (slips.stop - slips.start) * STEP >= LEAST_SLIP:
-                current, held = span.current[slips], span.load[slips] if item.has_load else None
-                levels.append(slip_level(span.name, number=item.number, current=current, held=held))
-                span = replace(span, usable=span.usable & (item.time < item.time[first] - 0.4))
+                current, held = span.current[slips], span.load[slips]
+                levels.append(slip_level(span.name, number=span.number, current=current, held=held))
+                steady = span.usable & (span.time < span.time[first] - 0.4)
+                spans.append(replace(span, usable=steady))
+                continue
         spans.append(span)
     return spans, levels

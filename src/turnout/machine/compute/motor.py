@@ -293,19 +293,20 @@ def motor_side(
         The current is NaN where the iteration did not end, and 0 of an induction motor.
     """
     still = state[at.STILL_TORQUE]
-    sign = math.copysign(1.0, start)
-    w1 = start
-    if start == 0.0:
-        at_rest, _, _, clutch, slope, i = _residual(constants, state, g, base, curve, hand, 0.0, w2)
-        if abs(at_rest) <= still:
-            return 0.0, i, clutch, -slope, 0.0
-        sign = -math.copysign(1.0, at_rest)
+    w1, sign = start, math.copysign(1.0, start)
+    stands, checked = start == 0.0, False
     low, high = -math.inf, math.inf
-    checked = start == 0.0
     for _ in range(ITERATIONS):
+        tried = 0.0 if stands else w1
         f, slope, scale, clutch, clutch_slope, i = _residual(
-            constants, state, g, base, curve, hand, w1, w2
+            constants, state, g, base, curve, hand, tried, w2
         )
+        if stands:
+            if abs(f) <= still:
+                return 0.0, i, clutch, -clutch_slope, 0.0
+            stands, checked, sign = False, True, -math.copysign(1.0, f)
+            low, high = -math.inf, math.inf
+            continue
         f += sign * still
         if not abs(f) < math.inf:
             break
@@ -321,12 +322,5 @@ def motor_side(
         if checked or w1 * sign >= 0.0:
             follows = clutch_slope / slope
             return w1, i, clutch, -clutch_slope * (1.0 - follows), follows
-        # the guess had the wrong sign: the motor stands, or turns the other way
-        at_rest, _, _, clutch, clutch_slope, i = _residual(
-            constants, state, g, base, curve, hand, 0.0, w2
-        )
-        if abs(at_rest) <= still:
-            return 0.0, i, clutch, -clutch_slope, 0.0
-        checked, sign = True, -math.copysign(1.0, at_rest)
-        low, high = -math.inf, math.inf
+        stands = True  # the guess had the wrong sign: the motor stands, or turns the other way
     return w1, math.nan, 0.0, 0.0, 0.0
