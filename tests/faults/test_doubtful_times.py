@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, HEAD, VALUES, rows, stated
@@ -57,6 +58,13 @@ def test_samples_left_out_of_named_arrays(tmp_path: Path, more: dict[str, object
     io.savemat(tmp_path / "throw.mat", {"fs": 1000.0, "Force": FORCE, **more})
     with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
         read_recording(tmp_path / "throw.mat")
+    for own in (False, True):
+        with h5py.File(tmp_path / "throw.h5", "w") as file:
+            channel = file.create_dataset("Force", data=FORCE)
+            for key, value in {"fs": 1000.0, **more}.items():
+                (channel if own else file).attrs[key] = value
+        with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
+            read_recording(tmp_path / "throw.h5")
 
 
 def test_a_column_that_repeats_how_many_samples_were_left_out(tmp_path: Path) -> None:

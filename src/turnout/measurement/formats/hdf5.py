@@ -176,8 +176,7 @@ def read_netcdf3(path: Path) -> Recording:
                 own = {str(key).lower(): value for key, value in item.attrs.items()}
                 found.take(str(name), item.to_numpy(), own)
                 found.scale(str(name), item.shape, item.dims)
-    if (rate := stated_clock(attributes).rate()) is not None:
-        found.arrays.setdefault("sample_rate", np.array(rate[0]))
+    found.take_attributes("", attributes)
     return found.recording(attributes)
 
 
@@ -239,7 +238,7 @@ class _Found:
             return
         last = name.rsplit("/", 1)[-1]
         clock = stated_clock(attributes, own=True)
-        rate, unit = clock.rate(), _first(attributes, UNITS)
+        rate, unit = clock.rate_of_rows(), _first(attributes, UNITS)
         values = _unpacked(held, attributes)
         self.problems += [
             f"channel '{name}': its attribute '{key}' ({attributes[key]}) is not applied"
@@ -270,6 +269,15 @@ class _Found:
         self.columns += columns
         self.problems += remarks
 
+    def take_attributes(self, folder: str, attributes: dict[str, Any]) -> None:
+        """Take single attributes of the file or a group as variables in it."""
+        for key, value in attributes.items():
+            single = np.ravel(value)
+            if single.size == 1 and single.dtype.kind in "biuf":
+                self.arrays.setdefault(f"{folder}{key}", single)
+            elif single.size == 1 and isinstance(single[0], str | bytes):
+                self.texts.setdefault(f"{folder}{key}", [_text(single)])
+
     def take_groups(self, file: h5py.File) -> None:
         """Take the rates that the file and its groups state for all they hold."""
         folders = {"": file}
@@ -277,9 +285,7 @@ class _Found:
             for end in (place for place, letter in enumerate(name) if letter == "/"):
                 folders[name[: end + 1]] = file[name[:end]]
         for folder, group in folders.items():
-            rate = stated_clock(_attributes(group)).rate()
-            if rate is not None:
-                self.arrays.setdefault(f"{folder}sample_rate", np.array(rate[0]))
+            self.take_attributes(folder, _attributes(group))
 
 
 def _attributes(item: h5py.HLObject) -> dict[str, Any]:
