@@ -1,15 +1,19 @@
 """Recordings whose clock may be meant in two ways, or changes: refused by that name, or said."""
 
 import json
+from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, HEAD, VALUES, rows, stated
+from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, HEAD, VALUES, moment, rows, stated
 
 from turnout.core.errors import FileError
+from turnout.measurement.formats.clock import stated_number
 from turnout.measurement.formats.file_format import read_recording
+from turnout.measurement.formats.numbers import is_number
 from turnout.measurement.recording import Recording, time_grid
 
 LISTS = {"Force": FORCE.tolist(), "Speed": CURRENT.tolist()}
@@ -38,6 +42,7 @@ def read(path: Path, content: str | object) -> Recording:
         "Saved every 10 samples",
         "Save every nth;40",
         "Note: every second value",
+        "Data: downsampled",
     ],
 )
 def test_a_rate_beside_samples_that_were_left_out(tmp_path: Path, line: str) -> None:
@@ -75,7 +80,14 @@ def test_a_column_that_repeats_how_many_samples_were_left_out(tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     "line",
-    ["Decimation: 1", "Decimation: none", "Downsampling: off", "every sample", "Page 1 of 3"]
+    [
+        "Decimation: 1",
+        "Decimation: none",
+        "not decimated",
+        "Downsampling: off",
+        "every sample",
+        "Page 1 of 3",
+    ]
     + ["Channel: 1 of 2", "Gear reduction 10", "Samples: 40", "Sampling: every 40 ms"],
 )
 def test_no_samples_were_left_out(tmp_path: Path, line: str) -> None:
@@ -197,3 +209,51 @@ def test_an_interval_in_a_column_beside_a_rate(tmp_path: Path) -> None:
     assert read(path, f"Sample rate: 25 Hz\n{text}").channel("Force").rate == 25.0
     with pytest.raises(FileError, match="two clocks are stated: 'Sample rate: 100 Hz' and 'dt: "):
         read(path, f"Sample rate: 100 Hz\n{text}")
+
+
+@pytest.mark.parametrize(
+    ("unit", "counts"),
+    [(" (1/100 s)", 4), (" [10 ms]", 4), (" in 1/10 ms", 400), (" (100 ns)", 400_000)],
+)
+def test_times_in_multiples_of_a_unit(tmp_path: Path, unit: str, counts: int) -> None:
+    text = HEAD.replace(" (s)", unit) + rows(time=lambda n: f"{n * counts}")
+    assert read(tmp_path / "throw.csv", text).channel("Force").rate == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize(
+    ("time", "words"),
+    [
+        (lambda n: f"08:14:{n // 25:02d}:{n % 25:02d}", "may end in frames or hundredths"),
+        (lambda n: f"{n * 0.04 + 0.03 * (n > 20):.2f}", "it jumps from 0.8 to 0.87 s"),
+        (lambda n: f"{n * 0.04 - 0.02 * (n > 20):.2f}", "it jumps from 0.8 to 0.82 s"),
+    ],
+)
+def test_times_that_jump(tmp_path: Path, time: Callable[[int], str], words: str) -> None:
+    with pytest.raises(FileError, match=words):
+        read(tmp_path / "throw.csv", HEAD.replace(" (s)", "") + rows(time=time))
+
+
+def test_a_clock_of_twelve_hours_without_am(tmp_path: Path) -> None:
+    begin = datetime(2026, 11, 28, 12, 59, 59)
+    text = HEAD.replace(" (s)", "") + rows(time=moment("%I:%M:%S.%f", begin=begin))
+    assert read(tmp_path / "throw.csv", text).channel("Force").rate == 25.0
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Actual sample rate: 250 Hz", "Sample rate Ch1: 25 Hz", "Rate after decimation: 25 Hz"],
+)
+def test_another_rate_beside_the_one_that_is_taken(tmp_path: Path, line: str) -> None:
+    recording = read(tmp_path / "throw.csv", stated(f"Sample rate: 1000 Hz\n{line}"))
+    assert recording.problems == (f"check the time: '{line}' is stated as well",)
+
+
+@pytest.mark.parametrize("words", ["aggregate", "(total)"])
+def test_a_rate_of_all_channels_together(tmp_path: Path, words: str) -> None:
+    with pytest.raises(FileError, match="of all channels together; state the rate of one"):
+        read(tmp_path / "throw.csv", stated(f"Sample rate: 50 Hz {words}"))
+
+
+def test_an_exponent_has_no_thousands_before_it() -> None:
+    assert stated_number("4.000E-02", ",") == (0.04, "")
+    assert not is_number("4.000E-02", ",")

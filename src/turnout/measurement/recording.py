@@ -154,6 +154,7 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     # In all but the shortest channels a missing sample puts some time half a step off.
     counts, remark = _counts(time, steps, near=away <= 0.45)
     if away <= 0.45 and counts is None:
+        _check_jumps(time, steps)
         return TimeGrid(start, _whole_step(time, step), number, remark)
     repeated = int(np.count_nonzero(steps == 0))
     if repeated and away <= 2.0:
@@ -201,8 +202,9 @@ def _counts(
     ValueError
         When a sample may be missing, or the times be rounded.
     """
-    least = float(steps.min())
-    if least <= 0.0:
+    least, typical = float(steps.min()), _typical(steps)
+    few = least < 0.75 * typical and np.mean(np.abs(steps / typical - 1.0) < 0.1) >= 0.9
+    if least <= 0.0 or few:  # of short steps
         return None, ""
     short = steps.size < _SHORT
     for part in (1, 2, 3) if short else (1,):
@@ -234,6 +236,17 @@ def _counts(
         "may be missing or times are rounded; export times with more digits"
     )
     raise ValueError(message)
+
+
+def _check_jumps(time: NDArray[np.float64], steps: NDArray[np.float64]) -> None:
+    """Refuse a few longer or shorter steps among equal ones, after which all times are off."""
+    typical = _typical(steps)
+    jumps = np.abs(steps - typical) > 0.2 * typical
+    equal = np.mean(np.abs(steps - typical) <= 1e-3 * typical) >= 0.9
+    if equal and abs(float(np.sum(steps[jumps] - typical))) > 0.2 * typical:
+        at = int(np.argmax(jumps))
+        message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
+        raise ValueError(message)
 
 
 def _last_digit(time: NDArray[np.float64]) -> float:

@@ -43,6 +43,8 @@ _OVERLOAD = 9.89e37
 _STAND_INS = (-9999.0, -99999.0, -999.25, -7999.0, 99999.0, -32768.0, 32767.0, 65535.0)
 _LARGEST_RATE, _LEAST_RATE, _LATEST_START, _LARGEST_RATIO = 1e7, 0.1, 1e6, 1e4
 _BEHIND = re.compile(r"(.*?\S)(\s/\s|\s+in\s+|,\s*|\s+)(\S+)")
+# "Time in 1/10 ms", "Time (10 ms)"
+_MULTIPLE = re.compile(r"(.*?\S)\s*(?:\((\d[^()]*)\)|(?:,|\s)\s*(?:in\s+)?(\d\S*\s?[^\W\d]+))")
 # Name and unit without a blank: as a quotient, or as the end of a name in a program.
 _QUOTIENT = re.compile(r"([^/]*[^\s/])/(\S+)")
 _ENDING = re.compile(r".*[^\W_]_(?:([^\W_]{2,})|(N|A|V|W))")
@@ -109,6 +111,9 @@ def split_unit(text: str) -> tuple[str, str]:
     (('Kraft', 'N'), ('F_N', 'N'), ('I_A', ''), ('mV/V', ''))
     """
     text = text.strip()
+    match = _MULTIPLE.fullmatch(text)
+    if match and is_time_name(match[1]) and is_time_unit(match[2] or match[3]):
+        return match[1], match[2] or match[3]
     match = _NAME_AND_UNIT.fullmatch(text)
     if match is not None and (match[1] or is_time_unit(tidy_unit(text))):
         name, square, unit = match[1], match[2], (match[2] or match[3] or "").strip()

@@ -332,6 +332,9 @@ def _channel_columns(table: Table) -> list[FileColumn]:
     unknown = all(column.time is None and column.rate is None for column in columns)
     for shown in table.stated.no_rates() if unknown else ():
         table.problems.append(f"'{shown}' is not taken for the sample rate")
+    rates = [column.rate for column in columns if column.rate is not None]
+    for shown in table.stated.other_rates(rates[0]) if rates else ():
+        table.problems.append(f"check the time: '{shown}' is stated as well")
     return columns
 
 

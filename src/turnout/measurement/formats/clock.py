@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from turnout.measurement.formats.numbers import is_number, numbers
 from turnout.measurement.recording import whole_rate
 
 DAY, HOUR = 86_400.0, 3_600.0
@@ -36,6 +37,7 @@ _HERTZ_WORDS = {
     1e6: ("mhz", "msa/s", "msps"),
 }
 HERTZ = {word: factor for factor, words in _HERTZ_WORDS.items() for word in words}
+_SCALED = re.compile(r"(?:(?P<over>1/)?(?P<scale>[1-9]\d*|0[.,]\d*[1-9])\s?)?(?P<unit>[^\W\d]*)")
 _UNCLEAR = {"Ms": "ms or 1e6 s", "mHz": "MHz or 1e-3 Hz", "mS/s": "MS/s or 1e-3 S/s"}
 _SUFFIX = r"(?:_?(?P<unit>s|sec|ms|us|ns|min|hz|khz))?"
 _SOURCES = (
@@ -78,6 +80,7 @@ _STORED = r"(?:stored?|storage|saved?|kept|values|samples|points|gespeichert|wer
 _REDUCED = re.compile(
     rf"(?:.*\b)?(?:every|each|jede[rnms]?|alle|varje?|chaque|cada|ogni|only) (?:{_NTH}|other|"
     rf"second|third|\w+th|\w+te[rnsm]?|\w+nde) (?:(?:stored|saved|recorded|raw) )?{_ROWS}\b.*|"
+    r"(?!.*\b(?:not|nicht)\b).*\b(?:decimated|(?:down|sub) ?sampled|dezimiert)|"
     rf"(?:.*\b)?(?:every|jede[rns]?) {_NTH}(?: stored| saved| \d+)?|"
     r"(?:(?:data|samples?|sampling|storage|rate|clock|scan) )?(?:decimat\w+|dezim\w+|"
     r"(?:down|under|sub) ?sampl\w+|unterabtastung|reduction|reduced|divider|divisor|teiler|stride)"
@@ -103,6 +106,7 @@ _BEGIN_WORD = re.compile(r"start|begin")
 _SECONDS_TEXT = re.compile(r"[+\-]?[\d.,]+(?:[eE][+\-]?\d+)?\s*[a-zµ]{0,3}")
 _OWNER = re.compile(r"\A[^\W\d]\w*:")
 """A channel before its own value: "CH1:0.04"."""
+_TOGETHER = re.compile(r"\b(?:aggregat\w*|total|sum|combined|gesamt|together|insgesamt)\b")
 _PER_SECOND = re.compile(r"(?:samples|points|scans)/")
 _CLOCK_VALUE = re.compile(r"\d\s?(?:[kM]?Hz|k?S/s|[mµun]?s|m?sec)\b", re.IGNORECASE)
 _MOMENT = re.compile(
@@ -134,7 +138,6 @@ _THROW = re.compile(
 _LONG = re.compile(r"signal|channel|variable|parameter|tag|sensor|kanal|quantity|name|key|series")
 _LEAST_RISING = 0.9
 """Share of the steps of a column of times that are up, with room for faults among them."""
-_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:[.,]\d{3})+")
 _STATED = re.compile(
     r"\s*([+\-−–]?(?:\d{1,3}(?: \d{3})+(?!\d)(?:[.,]\d*)?|\d[\d.,'’\u00a0\u202f\u2009]*)"
     r"(?:[eEdD][+-]?\d+)?)\s*(.*?)\s*"
@@ -247,11 +250,15 @@ def seconds_of(unit: str) -> float:
 
     Examples
     --------
-    >>> seconds_of("ms"), seconds_of("")
-    (0.001, 1.0)
+    >>> seconds_of("ms"), seconds_of(""), seconds_of("1/10 ms"), seconds_of("10 ms")
+    (0.001, 1.0, 0.0001, 0.01)
     """
     _refuse_unclear(unit)
-    factor = SECONDS.get(unit.strip().strip("[]()").lower())
+    scaled = _SCALED.fullmatch(unit.strip().strip("[]()").lower())
+    factor = None if scaled is None else SECONDS.get(scaled["unit"])
+    if factor is not None and scaled is not None and scaled["scale"]:
+        scale = float(scaled["scale"].replace(",", "."))
+        factor *= 1.0 / scale if scaled["over"] else scale
     if factor is None:
         message = f"'{unit}' is no unit of time; needs one of s, ms, us, ns, min, h, d"
         raise ValueError(message)
@@ -271,8 +278,9 @@ def _as_written(name: str, ending: str | None) -> str:
 
 
 def is_time_unit(unit: str) -> bool:
-    """Return True for a unit of time; none is not one."""
-    return bool(unit) and unit.lower() in SECONDS
+    """Return True for a unit of time or a multiple of one; none is not one."""
+    scaled = _SCALED.fullmatch(unit.lower())
+    return scaled is not None and scaled["unit"] != "" and scaled["unit"] in SECONDS
 
 
 def stated_number(text: str, decimal: str | None = ".") -> tuple[float, str] | None:
@@ -296,27 +304,14 @@ def stated_number(text: str, decimal: str | None = ".") -> tuple[float, str] | N
     ((1000.0, 'Hz'), (40.0, 'ms'), (2.5, 'kHz'))
     """
     match = _STATED.fullmatch(text)
-    if match is None:
+    fits = [mark for mark in ".," if match and is_number(match[1], mark)]
+    if match is None or not fits:
         return None
-    digits = re.sub(r"['’\u00a0\u202f\u2009 ]", "", match[1]).rstrip(".,")
-    digits = digits.replace("−", "-").replace("–", "-").replace("D", "e").replace("d", "e")
-    marks = {mark for mark in ".," if mark in digits}
-    if len(marks) == 2:
-        last = max(digits.rfind("."), digits.rfind(","))
-        decimal = digits[last]
-    elif _THOUSANDS.fullmatch(digits):
-        if decimal is None and digits.count(next(iter(marks))) == 1:
-            message = f"'{text.strip()}' may be a thousand or a decimal; write it without its mark"
-            raise ValueError(message)
-        decimal = decimal or ("," if "." in marks else ".")
-    elif marks:
-        (decimal,) = marks
-    if decimal:
-        digits = digits.replace("," if decimal == "." else ".", "").replace(decimal, ".")
-    try:
-        return float(digits), match[2]
-    except ValueError:
-        return None
+    values = [float(numbers([match[1]], mark)[0][0]) for mark in fits]
+    if decimal is None and len(set(values)) > 1:
+        message = f"'{text.strip()}' may be a thousand or a decimal; write it without its mark"
+        raise ValueError(message)
+    return values[fits.index(decimal) if decimal in fits else 0], match[2]
 
 
 @dataclass(slots=True)
@@ -452,6 +447,19 @@ class StatedClock:
             return True
         return False
 
+    def other_rates(self, rate: float) -> list[str]:
+        """Return texts that state another sample rate of something [1/s]: "Actual sample rate"."""
+        found = []
+        for shown in self.doubtful:
+            key, _, text = shown.partition(":")
+            words, number = key.split(), stated_number(text)
+            parts = [" ".join(words[a:b]) for a in range(len(words)) for b in range(len(words) + 1)]
+            factor = HERTZ.get(_unit_of_clock(number[1])) if number else None
+            named = any(p.fullmatch(squeezed(w)) for w in parts for p in (_RATE, _EITHER))
+            if number and factor and named:
+                found += [shown] if abs(number[0] * factor / rate - 1.0) > 1e-3 else []
+        return found
+
     def no_rates(self) -> list[str]:
         """Return texts that look like a sample rate and are none."""
         return [*self.doubtful, *(shown for shown, _ in self.weak if self.turning)]
@@ -485,6 +493,9 @@ def _rates(
             message = f"'{shown}' is not one number with its unit; write '1000 Hz' or '1 ms'"
             raise ValueError(message)
         _refuse_unclear(number[1] or unit, shown)
+        if _TOGETHER.search(number[1].lower()):
+            message = f"'{shown}' is that of all channels together; state the rate of one"
+            raise ValueError(message)
         own = _unit_of_clock(number[1] or unit)
         if own in HERTZ or (own == "" and kind in ("rate", "weak")):
             rate = number[0] * HERTZ.get(own, 1.0)

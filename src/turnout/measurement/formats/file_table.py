@@ -7,6 +7,7 @@ their cells: numbers with their unit, dates apart from times of day, curves that
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 
@@ -376,8 +377,9 @@ def _name_axes(table: Table) -> None:
     for place in sorted(table.values):
         column, values = table.columns[place], table.values[place]
         given = values[: count_filled(values)]
-        if is_time_unit(unit := column.unit or unit_in_name(column.name)):
-            given = gone_round(given, SECONDS[unit.lower()])
+        with suppress(ValueError):
+            if is_time_unit(unit := column.unit or unit_in_name(column.name)):
+                given = gone_round(given, seconds_of(unit))
         letter, timed = len(squeezed(column.name)) == 1, is_time_unit(column.unit)
         even = rises_evenly(given)
         rises = place == 0 and even

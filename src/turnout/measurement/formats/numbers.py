@@ -28,6 +28,8 @@ _LONGEST = 60
 def number_pattern(decimal: str, *, thousands: bool) -> re.Pattern[str]:
     """Return the pattern of a number with a decimal mark, and marks between thousands if allowed.
 
+    With an exponent there are no thousands: "4.000E-02" has a decimal point.
+
     Examples
     --------
     >>> [bool(number_pattern(",", thousands=True).fullmatch(text)) for text in ("1.234,5", "3.5")]
@@ -37,8 +39,8 @@ def number_pattern(decimal: str, *, thousands: bool) -> re.Pattern[str]:
     group = rf"[{other}{_BLANKS}'’]"
     grouped = rf"[1-9]\d{{0,2}}(?P<mark>{group})\d{{3}}(?:(?P=mark)\d{{3}})*(?:{point}\d*)?|"
     return re.compile(
-        rf"[+\-]?\s?(?:{grouped if thousands else ''}\d+(?:{point}\d*)?|{point}\d+)"
-        r"(?:\s?[eEdD][+\-]?\d{1,5})?"
+        rf"[+\-]?\s?(?:{grouped if thousands else ''}"
+        rf"(?:\d+(?:{point}\d*)?|{point}\d+)(?:\s?[eEdD][+\-]?\d{{1,5}})?)"
     )
 
 

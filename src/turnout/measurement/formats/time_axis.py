@@ -178,7 +178,7 @@ def gone_round(values: Floats, factor: float) -> Floats:
     """
     steps = np.diff(values)
     falls = np.flatnonzero(steps < 0)
-    if not falls.size or 10 * falls.size > values.size:
+    if not falls.size or falls.size > 1 + values.size // 10:
         return values
     typical = float(np.median(steps))
     for turn in (DAY / factor, HOUR / factor, 2.0**32, 2.0**16):
@@ -373,6 +373,9 @@ def stamps_axis(texts: Sequence[str]) -> TimeAxis:
     if any("h" in clock and "c" not in clock and not date for date, clock in rows):
         message = f"'{texts[0]}' may be hours and minutes or minutes and seconds; write 08:14:00"
         raise ValueError(message)
+    if all(re.search(r":\d\d:\d\d:[0-5]\d\Z", text) for text in texts):
+        message = f"'{texts[0]}' may end in frames or hundredths of a second; write 08:14:00.01"
+        raise ValueError(message)
     seconds = np.array([_second_of_day(clock) for clock in clocks])
     begin = days[0] * DAY + float(seconds[0])
     seconds = (seconds - seconds[0]) + DAY * (days - days[0])
@@ -456,6 +459,8 @@ def _unwrapped(seconds: Floats, begin: float | None, *, zoned: bool, wrap: float
     typical = float(np.median(rising)) if rising.size else 1.0
     again = np.zeros(steps.size)
     again[(steps < -wrap / 2) & (steps >= -wrap)] = wrap
+    half = (steps >= -12 * HOUR - 1e-6) & (steps <= 2 * typical - 12 * HOUR)
+    again[half] = 12 * HOUR  # 12:59 to 1:00
     twice = (steps >= -HOUR - 1e-6) & (steps <= 2 * typical - HOUR) & (again == 0)
     # Summer time begins at two in the morning.
     at_two = np.abs(((begin or 0.0) + seconds[:-1]) % DAY - 2 * HOUR) <= 2 * typical
