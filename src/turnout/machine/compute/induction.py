@@ -45,7 +45,7 @@ from turnout.law.table import Floats
 from turnout.machine.compute import places as at
 
 SAME_BRANCH, MOST_CHANGES = 1e-9, 40
-"""Changes of the main branch below this are left out, so that a steady circuit stays known [-]."""
+"""Smallest change of the main branch that is made, and the most changes of a steady circuit [-]."""
 NO_CURVE = (0.0, 0.0, 1.0, 0.0, 0.0)
 """Torque curve of a motor without one."""
 
@@ -250,27 +250,6 @@ def torque_curve(
     n1 = factor * (b1 * n).real
     d1 = -2.0 * (d.conjugate() * a11).imag
     return n0, n1, squared(d), d1, squared(a11)
-
-
-@compiled_part
-def known_curve(
-    constants: Floats, state: Floats, g: float, base: Floats, known: Floats
-) -> tuple[float, float, float, float, float]:
-    """Return the `torque_curve`, that of a steady circuit from memory.
-
-    `known` holds the curve and what it depends on: direction, both parts of the shared drop, and
-    the main branch.
-    """
-    if constants[at.STEADY_CIRCUIT] == 0.0:
-        return torque_curve(constants, state, g, base)
-    alike = known[5] == state[at.DIRECTION] and known[6] == state[at.SHARED_DROP]
-    alike = alike and known[8] == state[at.MAIN_EXCESS]
-    if not (alike and known[7] == state[at.SHARED_DROP_ACROSS]):
-        curve = torque_curve(constants, state, g, base)
-        known[0], known[1], known[2], known[3], known[4] = curve
-        known[5], known[6] = state[at.DIRECTION], state[at.SHARED_DROP]
-        known[7], known[8] = state[at.SHARED_DROP_ACROSS], state[at.MAIN_EXCESS]
-    return known[0], known[1], known[2], known[3], known[4]
 
 
 @compiled_part

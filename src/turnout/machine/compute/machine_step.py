@@ -29,7 +29,6 @@ from turnout.machine.compute.motor import (
     ROUNDING,
     add_electrical_energy,
     fill_currents,
-    fill_steady_currents,
     into_field,
     motor_side,
     next_guess,
@@ -40,7 +39,7 @@ GAMMA = 1.0 - math.sqrt(0.5)
 """Length of a stage per length of the step."""
 SAME_STEP = 1e-9
 """Share by which two steps may differ in length and count as equally long."""
-BASE, FIRST, SECOND, GUESS, CURVE, WORK_ROWS = range(6)
+BASE, FIRST, SECOND, GUESS, WORK_ROWS = range(5)
 """Rows of the work of a machine: what the stages leave, both stages, and what follows."""
 GUESS_STEP, GUESS_MOTOR, GUESS_GEAR, GUESS_STAGE = range(4)
 """Of the row GUESS: length of the last step; change of both speeds in its first stage, and the
@@ -143,7 +142,7 @@ def _fill(
     stage: Floats,
     solution: tuple[float, float, float, float, float],
 ) -> None:
-    """Write the solution of a stage; what a steady circuit carries follows when it is accepted."""
+    """Write the solution of a stage."""
     i, w1, w2, x, force = solution
     stage[at.CURRENT], stage[at.SPEED], stage[at.GEAR_SPEED] = i, w1, w2
     stage[at.GEAR_ANGLE] = base[at.GEAR_ANGLE] + g * w2
@@ -165,8 +164,7 @@ def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, sta
     Parameters
     ----------
     machine : MachineArrays
-        Row BASE of its work holds what the earlier stages leave, row CURVE is that of
-        `known_curve`.
+        Row BASE of its work holds what the earlier stages leave.
     state : ndarray
         Circuit, lock, clutch level, and whether the gear is dry here.
     g, end : float
@@ -187,7 +185,7 @@ def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, sta
     w2 = 0.0 if state[at.LOCKED] > 0.0 else stage[at.GEAR_SPEED]
     sign = math.copysign(1.0, w2)
     stands, checked = w2 == 0.0, False
-    curve = stage_curve(constants, state, g, base, machine.work[CURVE])
+    curve = stage_curve(constants, state, g, base)
     low, high = -math.inf, math.inf
     for _ in range(2 * ITERATIONS):
         w1, i, clutch, clutch_slope, follows = motor_side(
@@ -333,7 +331,6 @@ def accept_step(machine: MachineArrays, state: Floats, time: float, step: float)
         before = state if number == 0 else base
         weight = (1.0 - GAMMA) * step if number == 0 else g
         hand = hand_speed(constants, state, time + (g if number == 0 else step))
-        fill_steady_currents(constants, state, g, stage)
         slid = stage[at.SPEED] - stage[at.GEAR_SPEED] - (stage[at.TWIST] - before[at.TWIST]) / g
         slip += weight * slid
         state[at.ENERGIES + at.CLUTCH] += (

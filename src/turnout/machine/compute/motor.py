@@ -25,10 +25,10 @@ from turnout.machine.compute.induction import (
     curve_torque,
     drop_fluxes,
     fill_fluxes,
-    known_curve,
     line_current,
     lost_phase_circuit,
     stored_in_stage,
+    torque_curve,
 )
 
 (CONSTANT_FIELD, SERIES_FIELD, THREE_PHASE) = range(3)
@@ -72,10 +72,10 @@ def supply_current(constants: Floats, state: Floats) -> tuple[float, float]:
 
 
 @compiled_part
-def stage_curve(constants: Floats, state: Floats, g: float, base: Floats, known: Floats) -> Curve:
+def stage_curve(constants: Floats, state: Floats, g: float, base: Floats) -> Curve:
     """Return the torque over the slip of an induction motor in a stage, see `torque_curve`."""
     if is_three_phase(constants) and state[at.ARMATURE_OPEN] == 0.0:
-        return known_curve(constants, state, g, base, known)
+        return torque_curve(constants, state, g, base)
     return NO_CURVE
 
 
@@ -152,21 +152,13 @@ def motor_torque(
 def fill_currents(
     constants: Floats, state: Floats, g: float, base: Floats, stage: Floats, w1: float
 ) -> None:
-    """Write the fluxes of a stage of an induction motor, whose steady circuit waits for its end."""
-    transient = is_three_phase(constants) and constants[at.STEADY_CIRCUIT] == 0.0
-    if transient and state[at.ARMATURE_OPEN] == 0.0 and state[at.PHASE_LOST] == 0.0:
-        fill_fluxes(constants, state, g, base, stage, w1)
-
-
-@compiled_part
-def fill_steady_currents(constants: Floats, state: Floats, g: float, stage: Floats) -> None:
-    """Write the current, and fluxes, of a stage that was solved without asking for them."""
+    """Write the current, and fluxes, of a stage of an induction motor."""
     if not is_three_phase(constants) or state[at.ARMATURE_OPEN] > 0.0:
         return
     if state[at.PHASE_LOST] > 0.0:
-        stage[at.CURRENT] = lost_phase_circuit(constants, state, stage[at.SPEED])[0]
-    elif constants[at.STEADY_CIRCUIT] > 0.0:
-        fill_fluxes(constants, state, g, stage, stage, stage[at.SPEED])
+        stage[at.CURRENT] = lost_phase_circuit(constants, state, w1)[0]
+    else:
+        fill_fluxes(constants, state, g, base, stage, w1)
 
 
 @compiled_part
