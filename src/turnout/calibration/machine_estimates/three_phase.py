@@ -319,10 +319,6 @@ def _blocks(throws: Sequence[ThrowMeans]) -> _Blocks:
     return replace(blocks, voltage=freed("voltage"), power=freed("power"))
 
 
-Model = Callable[[Floats, _Blocks], Floats]
-"""Current of blocks by parameters."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitted:
     """Parameters, their covariance, and the residuals of the throws' means."""
@@ -342,17 +338,17 @@ class _Fitted:
 
 
 def _fitted(
-    model: Model,
+    model: Callable[[Floats], Floats],
     blocks: _Blocks,
     starts: Sequence[Floats],
     bounds: tuple[Floats, Floats],
 ) -> tuple[_Fitted, int]:
     """Return the best fit of several starts, and how many of them ended at it.
 
-    The last parameter is delta, the slope that is left over throws. The covariance is that of the
-    scores of whole throws, whose blocks are not independent, and half of what changes from equal
-    weights of both parts to their own: the two parts of a model that is not quite the motor's
-    disagree.
+    The model is the current of the blocks by the parameters, of which the last is delta, the slope
+    that is left over throws. The covariance is that of the scores of whole throws, whose blocks are
+    not independent, and half of what changes from equal weights of both parts to their own: the two
+    parts of a model that is not quite the motor's disagree.
     """
     from scipy.optimize import least_squares
 
@@ -364,7 +360,7 @@ def _fitted(
     own = blocks.within(blocks.current)
 
     def residuals(x: Floats, weights: tuple[float, float]) -> Floats:
-        found = model(x, blocks)
+        found = model(x)
         found = np.where(np.isfinite(found), found, 10.0 * target.max())
         inside = (own - blocks.within(found)) / weights[0]
         return np.concatenate([inside, (target - blocks.mean(found) - x[-1] * apart) / weights[1]])
@@ -477,10 +473,10 @@ def _with_circuit(
 
 def _straight_line(blocks: _Blocks, point: tuple[float, float]) -> _Fitted:
     """Return the line I = I_0 + b (U - U_0) + c (P - P_0); a column that is missing has 0."""
+    voltage, power = blocks.voltage - point[0], blocks.power - point[1]
 
-    def model(x: Floats, given: _Blocks) -> Floats:
-        rise = x[1] * (given.voltage - point[0])
-        return np.asarray(x[0] + rise + x[2] * (given.power - point[1]))
+    def model(x: Floats) -> Floats:
+        return np.asarray(x[0] + x[1] * voltage + x[2] * power)
 
     free = np.full(4, np.inf)
     start = np.array([float(blocks.current.mean()), 0.02, -1e-4, 0.0])
@@ -510,9 +506,9 @@ def _circuit(
     )
 
     def fit(starts: Sequence[Floats], reactance: float) -> tuple[_Fitted, int]:
-        def model(x: Floats, given: _Blocks) -> Floats:
+        def model(x: Floats) -> Floats:
             circuit = _circuit_of(np.insert(x, 3, reactance), point)
-            return circuit.current_at(given.voltage, given.power)
+            return circuit.current_at(blocks.voltage, blocks.power)
 
         return _fitted(model, blocks, starts, bounds)
 
@@ -608,11 +604,10 @@ def _over_throws(
         return ONE_VOLTAGE, ONE_VOLTAGE
     if not np.isfinite([low, middle, high, there]).all():
         return NO_POINT, NO_POINT
-    more = 0.0 if alike else float(fitted.left @ across) / square
+    more = float(fitted.left @ across) / (square or 1.0)
     rest = fitted.left - fitted.left.mean() - more * across
     freedom = count / max(count - fitted.values.size, 1)
-    of_slope = math.sqrt(freedom * float((rest * across) @ (rest * across)))
-    of_slope = 0.0 if alike else of_slope / square
+    of_slope = math.sqrt(freedom * float((rest * across) @ (rest * across))) / (square or 1.0)
     of_level = _rms(rest) * math.sqrt(freedom / count)
     slope = 0.5 * float(high - low)
     bend = float(there - middle) - slope * way
