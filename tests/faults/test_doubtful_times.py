@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import scipy.io as scipy_io
 from tests.unit.recording_kinds import COUNT, CURRENT, FORCE, HEAD, VALUES, moment, rows, stated
 
 from turnout.core.errors import FileError
@@ -59,8 +60,7 @@ def test_a_rate_beside_samples_that_were_left_out(tmp_path: Path, line: str) -> 
 def test_samples_left_out_of_named_arrays(tmp_path: Path, more: dict[str, object]) -> None:
     with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
         read(tmp_path / "throw.json", {"fs": 1000, **more, **LISTS})
-    io = pytest.importorskip("scipy.io")
-    io.savemat(tmp_path / "throw.mat", {"fs": 1000.0, "Force": FORCE, **more})
+    scipy_io.savemat(tmp_path / "throw.mat", {"fs": 1000.0, "Force": FORCE, **more})
     with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
         read_recording(tmp_path / "throw.mat")
     for own in (False, True):
@@ -113,6 +113,9 @@ def test_a_number_of_samples_is_no_interval(tmp_path: Path) -> None:
         {"rate": 25, "rpm": CURRENT.tolist(), "Force": FORCE.tolist()},
         {"rate": 25, "units": {"Speed": "1/min"}, **LISTS},
         {"rate": 25, "rpm": 1500, **LISTS},
+        {"rate": 25, "shaft": {"rpm": 1500}, "Force": FORCE.tolist()},
+        {"rate": 25, "Force": FORCE.tolist(), "rotation_speed": CURRENT.tolist()},
+        {"rate": 25, "Force": FORCE.tolist(), "speed (r/min)": CURRENT.tolist()},
         {"rate": 25, "data": [{"F (N)": f, "n (rpm)": 1e3} for f in FORCE]},
         f"Rate: 25\nRPM: 1500\n{VALUES}{rows()}",
         f"Rate: 25\nForce (N),Drehzahl (U/min)\n{rows()}",
@@ -257,3 +260,37 @@ def test_a_rate_of_all_channels_together(tmp_path: Path, words: str) -> None:
 def test_an_exponent_has_no_thousands_before_it() -> None:
     assert stated_number("4.000E-02", ",") == (0.04, "")
     assert not is_number("4.000E-02", ",")
+
+
+@pytest.mark.parametrize("line", ["Time unit: ms", "Horizontal Units,ms", "Zeiteinheit: ms"])
+def test_a_unit_of_times_that_stands_apart(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "throw.csv"
+    timed = HEAD.replace(" (s)", "") + rows(time=lambda n: f"{n * 40 + 0.5}")
+    assert read(path, f"{line}\n{timed}").channel("Force").rate == pytest.approx(25.0)
+    for text in (f"{line}\nX Increment: 40", f"X Increment: 40\n{line}"):
+        assert read(path, stated(text)).channel("Force").rate == 25.0
+
+
+def test_a_unit_of_times_in_named_arrays(tmp_path: Path) -> None:
+    time = (np.arange(COUNT) * 40 + 0.5).tolist()
+    held = {"time": time, "time_unit": "ms", **LISTS}
+    assert read(tmp_path / "throw.json", held).channel("Force").rate == pytest.approx(25.0)
+    scipy_io.savemat(tmp_path / "throw.mat", {k: v for k, v in held.items() if k != "Speed"})
+    force = read_recording(tmp_path / "throw.mat").channel("Force")
+    assert force.rate == pytest.approx(25.0)
+    assert force.start == pytest.approx(0.0005)
+
+
+def test_a_start_of_its_own_beside_a_rate_of_the_file(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "throw.h5", "w") as file:
+        file.attrs["fs"] = 25.0
+        file.create_dataset("Force", data=FORCE)
+        file.create_dataset("Current", data=CURRENT).attrs["start"] = 1.5
+    channels = read_recording(tmp_path / "throw.h5").channels
+    assert (channels["Force"].start, channels["Current"].start) == (0.0, 1.5)
+
+
+def test_gains_of_channels_in_json_are_said(tmp_path: Path) -> None:
+    channels = [{"name": "Force", "fs": 25, "scale": 0.001, "data": FORCE.tolist()}]
+    recording = read(tmp_path / "throw.json", {"channels": channels})
+    assert recording.problems == ("channel 'Force': its attribute 'scale' (0.001) is not applied",)

@@ -89,9 +89,10 @@ _REDUCED = re.compile(
     rf"(?:(?:.*\b)?{_STORED} 1 ?(?:[:/]|(?:out )?(?:of|in|von|aus|av|sur))|"
     rf"1 (?:out )?(?:of|in|von)) ?(?!1\b)\d+(?: {_ROWS})?"
 )
+_TIME_UNIT = re.compile(r"(?:horizontal|horz|h|x|t|time|zeit)(?:units?|einheit)|wfxunitstring")
 _MARKS = re.compile(r"(?:[\s_;=,\"'#()\[\]]|(?<!\d):|:(?!\d))+")
 _TURNING = re.compile(
-    r"(?:shaft|rotation\w*|motor|machine|wellen)?(?:rpm|revs?|drehzahl|varvtal)|(?:1|u|r|rev)/min|min-1"
+    r"rpm|drehzahl|varvtal|(?:rotation(?:al)?|shaft|rotor|motor)speed|(?:1|u|r|revs?)/min|min-1"
 )
 """Names and units of a speed of rotation, beside which a "rate" may be that of a shaft."""
 _START = re.compile(
@@ -232,7 +233,7 @@ def is_throw_name(name: str) -> bool:
 
 def is_speed(text: str) -> bool:
     """Return True for the name or unit of a speed of rotation; a "rate" beside may be its."""
-    return _TURNING.fullmatch(squeezed(text)) is not None
+    return _TURNING.search(squeezed(text)) is not None
 
 
 def is_direction_name(name: str) -> bool:
@@ -334,6 +335,8 @@ class StatedClock:
         Texts that say that samples were left out, of the stated rate or before it.
     turning : bool
         Whether a "rate" may be that of a shaft.
+    unit : str
+        Of times, intervals and starts that state none; empty if it is not stated.
     """
 
     rates: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
@@ -343,6 +346,7 @@ class StatedClock:
     doubtful: list[str] = field(default_factory=list)
     reduced: list[str] = field(default_factory=list)
     turning: bool = False
+    unit: str = ""
 
     def read(
         self, key: str, values: Sequence[object], *, unit: str = "", decimal: str | None = "."
@@ -360,12 +364,15 @@ class StatedClock:
         texts = [str(value).strip() for value in values]
         self.turning |= is_speed(name)
         left_out = self.leaves_out(f"{key.strip()}: {', '.join(texts)}")
+        if self.read_unit(key, texts):
+            return True
         for pattern, kind in _RATES:
             if (match := pattern.fullmatch(name)) is None:
                 continue
             shown = f"{key.strip()}: {', '.join(texts)}"[:60]
             suffix = _as_written(key, match["unit"])
-            found = _rates(texts, unit or suffix, kind, decimal, shown)
+            stated = unit or suffix or (self.unit if kind == "step" else "")
+            found = _rates(texts, stated, kind, decimal, shown)
             if found:
                 (self.weak if kind == "weak" else self.rates).append((shown, found))
             return bool(found) or left_out
@@ -387,7 +394,8 @@ class StatedClock:
                 message = f"'{key.strip()}: {text[:40]}': the columns start at different times; "
                 raise ValueError(message + "export a column of times for each")
             if first is not None:
-                self.start = first[0] * SECONDS.get((first[1] or match["unit"] or "").lower(), 1)
+                own = first[1] or match["unit"] or self.unit
+                self.start = first[0] * SECONDS.get(own.lower(), 1)
                 return True
         begins = _BEGIN.fullmatch(name) is not None
         if begins and number and is_time_unit(seconds := number[1] or unit):
@@ -398,6 +406,14 @@ class StatedClock:
             return True
         if (begins or name == "t0") and _MOMENT.match(text):
             self.moments.append(once)
+            return True
+        return False
+
+    def read_unit(self, key: str, values: Sequence[str]) -> bool:
+        """Take the unit of times from a key and its values; return False if it is none."""
+        name = squeezed(key.rsplit("/", 1)[-1])
+        if _TIME_UNIT.fullmatch(name) and len({*values}) == 1 and is_time_unit(values[0].strip()):
+            self.unit = values[0].strip()
             return True
         return False
 

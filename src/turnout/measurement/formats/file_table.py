@@ -176,6 +176,10 @@ def _sort_columns(table: Table) -> None:
         table.decimal, remarks = _decimal_mark([cell for cell in texts if isinstance(cell, str)])
         table.problems += remarks
     _take_dates(table)
+    for place, column in enumerate(table.columns):
+        unstated = not (column.unit or unit_in_name(column.name)) and column.name != "T"
+        if table.stated.unit and unstated and is_time_name(column.name):
+            table.columns[place] = replace(column, unit=table.stated.unit)
     turning = any(is_speed(column.unit) or is_speed(column.name) for column in table.columns)
     table.stated.turning |= turning
     dates: dict[int, list[str]] = {}

@@ -27,6 +27,7 @@ from turnout.measurement.formats.named_arrays import (
     NAME_LISTS,
     NO_TIME,
     columns_of_arrays,
+    gains_not_applied,
     stated_clock,
 )
 from turnout.measurement.formats.time_axis import moment_of
@@ -125,8 +126,6 @@ class Content:
 
 UNITS = ("unit", "units", "unit_string")
 DESCRIPTIONS = ("description", "long_name", "comment")
-GAINS = ("gain", "scale", "scaling", "slope", "factor", "scale_to_unit", "sensitivity")
-"""Attributes that some programs mean to be multiplied, others as facts of the sensor."""
 START_TIMES = ("start_time", "start_store_time", "date")
 
 
@@ -240,15 +239,13 @@ class _Found:
         clock = stated_clock(attributes, own=True)
         rate, unit = clock.rate_of_rows(), _first(attributes, UNITS)
         values = _unpacked(held, attributes)
-        self.problems += [
-            f"channel '{name}': its attribute '{key}' ({attributes[key]}) is not applied"
-            for key in GAINS
-            if key in attributes and np.any(np.ravel(attributes[key]) != np.array(1))
-        ]
+        self.problems += gains_not_applied(name, attributes)
         since = " since " in unit or (is_time_unit(unit) and is_time_name(last))
         if rate is None or held.ndim > 1 or since:
             if rate is not None:
                 self.arrays[f"{name}/sample_rate"] = np.array(rate[0])
+            if clock.start:
+                self.arrays[f"{name}/start"] = np.array(clock.start)
             self.arrays[name], self.units[name] = values, unit
             return
         shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)

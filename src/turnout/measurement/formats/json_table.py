@@ -15,7 +15,7 @@ from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import StatedClock, is_time_name, squeezed
 from turnout.measurement.formats.extent import Declared
 from turnout.measurement.formats.file_table import Table, TableColumn
-from turnout.measurement.formats.named_arrays import stated_clock
+from turnout.measurement.formats.named_arrays import gains_not_applied, stated_clock
 from turnout.measurement.formats.text_dialect import encoding_of
 from turnout.measurement.formats.time_axis import moment_of
 from turnout.measurement.recording import Recording
@@ -78,10 +78,13 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
     else:
         message = f"its table is nested deeper than {_LARGEST_DEPTH}"
         raise ValueError(message)
-    if isinstance(held, list) and (channels := _channels(held, stated, str(path))):
-        return assemble_recording(
-            channels, source=str(path), start_time=stated.start_time, remedy=NO_TIME
-        )
+    if isinstance(held, list):
+        channels, problems = _channels(held, stated, str(path))
+        if channels:
+            shown, begin = str(path), stated.start_time
+            return assemble_recording(
+                channels, source=shown, start_time=begin, problems=problems, remedy=NO_TIME
+            )
     named = not all(name.isdigit() for name in table)
     columns = []
     for name, cells in table.items():
@@ -122,6 +125,9 @@ def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) 
             stated.rates += inside.rates
             stated.moments += inside.moments
             stated.start = inside.start or stated.start
+            stated.unit = inside.unit or stated.unit
+            stated.reduced += inside.reduced
+            stated.turning |= inside.turning
     stated_clock(_scalars(held), stated=stated, own=True)
 
 
@@ -185,15 +191,21 @@ def _are_numbers(values: list[Any]) -> bool:
     return all(value is None or type(value) in (int, float) for value in values)
 
 
-def _channels(held: list[Any], stated: StatedClock, source: str) -> list[FileColumn]:
-    """Return channels that each have their name, clock and samples; none if it is no such list."""
+def _channels(
+    held: list[Any], stated: StatedClock, source: str
+) -> tuple[list[FileColumn], list[str]]:
+    """Return channels that each have their name, clock and samples, and remarks.
+
+    None if it is no such list.
+    """
     found: list[FileColumn] = []
+    problems: list[str] = []
     for item in held:
         keys = {squeezed(str(key)): key for key in item}
         values = next((item[keys[k]] for k in _VALUES if k in keys), None)
         name = next((str(item[keys[k]]) for k in _NAMES if k in keys), None)
         if name is None or not isinstance(values, list) or not _are_numbers(values):
-            return []
+            return [], []
         bare, unit = named_unit(name, next((str(item[keys[k]]) for k in _UNITS if k in keys), ""))
         times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
         own = stated_clock(_scalars(item), own=True)
@@ -202,6 +214,8 @@ def _channels(held: list[Any], stated: StatedClock, source: str) -> list[FileCol
         columns.append(TableColumn(bare, _cells(values), unit))
         table = Table(columns, clock, source, remedy=NO_TIME, alone=False)
         begin = moment_of(" ".join(own.moments))
-        found += [replace(c, begin=begin) if begin else c for c in table_columns(table)[0]]
+        read, remarks = table_columns(table)
+        found += [replace(c, begin=begin) if begin else c for c in read]
+        problems += [*remarks, *gains_not_applied(bare, item)]
     distinct = len({column.name for column in found}) == len(found)
-    return found if distinct else []
+    return (found, problems) if distinct else ([], [])

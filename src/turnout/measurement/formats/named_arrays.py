@@ -13,6 +13,7 @@ from turnout.measurement.formats.clock import (
     is_numbered_channel,
     is_time_name,
     is_time_unit,
+    unit_in_name,
 )
 from turnout.measurement.formats.time_axis import (
     TimeAxis,
@@ -27,6 +28,8 @@ from turnout.measurement.formats.time_axis import (
 NO_TIME = "add an array 'time' [s] of the same length or a number 'sample_rate' [1/s]"
 # Data1_Rod_1 has its times in Data1_time_Rod_1: the way of DewesoftX.
 _DEWESOFT = re.compile(r"(Data\d+_)(?!time_)(.+)")
+GAINS = ("gain", "scale", "scaling", "slope", "factor", "scale_to_unit", "sensitivity")
+"""Attributes that some programs mean to be multiplied, others as facts of the sensor."""
 NAME_LISTS = ("names", "channel_names", "labels", "channels")
 UNIT_LISTS = ("units", "channel_units")
 MOST_COLUMNS = 256
@@ -90,6 +93,8 @@ def columns_of_arrays(
         moments = vector.dtype.kind in "mM"
         bare, own = split_unit(_last(name))
         unit = units.get(name, "") or own
+        if not unit and bare != "T" and not unit_in_name(bare):
+            unit = _clock_of(name, stated).unit
         if not moments and vector.size < 2:
             continue
         if not moments and not _holds_time(bare, vector, unit, _clock_of(name, stated)):
@@ -145,6 +150,8 @@ def stated_clock(
     """
     stated = stated or StatedClock()
     for name, value in values.items():
+        stated.read_unit(name, [str(np.ravel(value)[0])] if np.size(value) else [""])
+    for name, value in values.items():
         unit = str(values.get(f"{name}_unit", ""))
         for item in np.ravel(value)[:1].tolist():
             text = item.decode() if isinstance(item, bytes) else item
@@ -153,21 +160,39 @@ def stated_clock(
     return stated
 
 
+def gains_not_applied(name: str, attributes: Mapping[str, Any]) -> list[str]:
+    """Return a remark on each attribute of a channel that may be a gain."""
+    return [
+        f"channel '{name}': its attribute '{key}' ({attributes[key]}) is not applied"
+        for key in GAINS
+        if key in attributes and np.any(np.ravel(attributes[key]) != np.array(1))
+    ]
+
+
 def _stated_clocks(values: Mapping[str, Any]) -> dict[str, StatedClock]:
     """Return the clock that is stated in each folder of the file."""
     folders: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         folders.setdefault(_folder(name), {})[name] = value
-    clocks = {folder: stated_clock(inner) for folder, inner in folders.items()}
-    return {folder: clock for folder, clock in clocks.items() if clock.rate() is not None}
+    return {folder: stated_clock(inner) for folder, inner in folders.items()}
 
 
-def _clock_of(name: str, stated: Mapping[str, StatedClock]) -> StatedClock | None:
-    """Return the clock of the nearest folder around a name, or the only one in the file."""
-    around = [folder for folder in stated if f"{name}/".startswith(folder)]
-    if around:
-        return stated[max(around, key=len)]
-    return next(iter(stated.values())) if len(stated) == 1 else None
+def _clock_of(name: str, stated: Mapping[str, StatedClock]) -> StatedClock:
+    """Return what the folders around a name state, the nearest first; or the only clock there is.
+
+    An inner one may only tell when its channel starts.
+    """
+    around = sorted((folder for folder in stated if f"{name}/".startswith(folder)), key=len)
+    clock = StatedClock()
+    for inner in (stated[folder] for folder in around):
+        clock = StatedClock(
+            rates=inner.rates or clock.rates,
+            reduced=inner.reduced or clock.reduced,
+            start=inner.start or clock.start,
+            unit=inner.unit or clock.unit,
+        )
+    rated = [clock for clock in stated.values() if clock.rates]
+    return rated[0] if not clock.rates and len(rated) == 1 else clock
 
 
 def _folder(name: str) -> str:
@@ -176,16 +201,14 @@ def _folder(name: str) -> str:
 
 
 def _timed(
-    name: str, values: NDArray[Any], unit: str, axis: TimeAxis | None, clock: StatedClock | None
+    name: str, values: NDArray[Any], unit: str, axis: TimeAxis | None, clock: StatedClock
 ) -> FileColumn:
     if axis is not None:
-        rate = clock.rate() if clock is not None else None
+        rate = clock.rate()
         remark = (rate_remark(axis.seconds, rate[0]) if rate else "") or axis.remark
         return FileColumn(name, values, unit, time=axis.seconds, begin=axis.begin, remark=remark)
-    rate = clock.rate_of_rows() if clock is not None else None
-    if clock is None or rate is None:
-        return FileColumn(name, values, unit)
-    return FileColumn(name, values, unit, rate=rate[0], start=clock.start)
+    rate = clock.rate_of_rows()
+    return FileColumn(name, values, unit, rate=rate[0] if rate else None, start=clock.start)
 
 
 def _vector(array: NDArray[Any]) -> NDArray[Any] | None:
@@ -201,13 +224,13 @@ def _is_time(name: str) -> bool:
     return is_time_name(split_unit(last)[0]) or re.match(r"Data\d+_time_", last) is not None
 
 
-def _holds_time(bare: str, values: NDArray[Any], unit: str, clock: StatedClock | None) -> bool:
+def _holds_time(bare: str, values: NDArray[Any], unit: str, clock: StatedClock) -> bool:
     """Return False for a vector called t, T or Tempo 1 that holds something else."""
     if is_numbered_channel(bare, values.astype(np.float64), unit=unit):
         return False
     if len(bare) > 1 or is_time_unit(unit) or " since " in unit:
         return True
-    rate = clock.rate() if clock is not None else None
+    rate = clock.rate()
     return not unit and may_be_time(values.astype(np.float64), bare, rate=rate[0] if rate else None)
 
 
@@ -245,7 +268,7 @@ def _of_matrix(
     array: NDArray[Any],
     texts: Mapping[str, Sequence[str]],
     times: Mapping[str, TimeAxis],
-    clock: StatedClock | None,
+    clock: StatedClock,
     label: str,
 ) -> list[FileColumn]:
     table = array if array.shape[0] >= array.shape[1] else array.T

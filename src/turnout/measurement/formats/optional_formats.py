@@ -233,10 +233,6 @@ def _tdms_clock(properties: dict[str, Any], *, own: bool = False) -> StatedClock
             message = f"{key} changes between segments: {value}; save each in a file of its own"
             raise ValueError(message)
     kept = {k: v for k, v in kept.items() if k not in _TDMS_TEXTS}
-    unit = str(kept.get("wf_xunit_string", "")).strip()
-    for key in ("wf_increment", "wf_start_offset") if is_time_unit(unit) else ():
-        if key in kept:
-            kept[key] = f"{kept[key]} {unit}"
     return stated_clock(kept, own=own)
 
 

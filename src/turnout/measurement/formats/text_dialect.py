@@ -242,6 +242,11 @@ def _heading(
     # A column that holds samples must have a name if another has.
     filled = [any(cells[place] for cells in table) for place in range(width)]
     last_filled, found = width < 2 or filled[-1], Heading()
+    for cells in filter(None, rows):
+        said = _LABELLED.fullmatch(cells[0]) or _PARTED.fullmatch(cells[0])
+        pair = said.groups() if said and len(cells) == 1 else cells[:2]
+        if len(pair) == 2:
+            found.stated.read_unit(pair[0].strip('#" :='), [pair[1].strip('" ')])
     rows = _without_facts(rows, found, decimal)
     while not (width < 2 or filled[width - 1] or (rows and rows[-1][width - 1 : width] > [""])):
         width -= 1
@@ -327,7 +332,7 @@ def _labelled(
     if len(cells) >= width - 1 + beside and _UNITS.fullmatch(key):
         found.units = _padded([tidy_unit(text) for text in values], width)
         return True
-    if _TIME_UNITS.fullmatch(key):
+    if _TIME_UNITS.fullmatch(key) or found.stated.read_unit(label, values):
         return True
     name, unit = split_unit(label)
     values = [value for value in values if value]
