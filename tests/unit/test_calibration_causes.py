@@ -13,9 +13,9 @@ from turnout.calibration.cause_trials import one_of_alike, own_levels, with_caus
 from turnout.calibration.causes import (
     DECISIVE,
     CauseSearch,
-    _best_of_alike,
+    _fitted_choices,
     _fitted_with,
-    _likeliest,
+    _rivals,
     cause_lines,
     is_needed,
     is_worth_a_search,
@@ -23,6 +23,7 @@ from turnout.calibration.causes import (
     without_needless,
 )
 from turnout.calibration.comparison import predicted
+from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
@@ -132,6 +133,17 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
     assert begun[2:] == [True]
 
 
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_a_round_that_misses_more_is_not_gone_on_with(
+    monkeypatch: pytest.MonkeyPatch, times: float
+) -> None:
+    whole = misfit(averaged())
+    found = brief_fit(whole, fit(whole, PARAMETERS, TRUE, rough=True))
+    again = replace(found, residuals=times * found.residuals)
+    monkeypatch.setattr(causes, "brief_fit", lambda *_, **__: again)
+    assert causes.continued(found, whole, rounds=1) is (again if times < 1.0 else found)
+
+
 def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("turnout.calibration.causes.MOST_THROWS", 1)
     whole = misfit(averaged())
@@ -181,9 +193,10 @@ def test_a_mean_over_the_past_is_not_taken_for_samples_far_apart_and_a_lead_of_m
     samples = next(item for item in choices if "samples" in item[0].text)
     fitted = _fitted_with(before, whole, samples)
     assert common_lead(fitted) == pytest.approx(0.05, abs=0.01)
-    found, choice = _best_of_alike(before, whole, (fitted, samples), choices, lambda: False)
-    assert common_lead(found) == 0.0
-    assert choice[0].text.startswith("the recorder averages over")
+    likeliest, *others = _fitted_choices(before, whole, [samples, *choices], lambda: False)
+    assert common_lead(likeliest.found) == 0.0
+    assert likeliest.choice[0].text.startswith("the recorder averages over")
+    assert any(item.choice == samples for item in others)
 
 
 def test_a_lead_of_the_motors_beside_samples_far_apart_stays() -> None:
@@ -310,40 +323,63 @@ def test_friction_by_chair_keeps_its_mean() -> None:
     np.testing.assert_allclose(np.array(list(again.values()), dtype=np.float64), friction)
 
 
-def test_of_several_choices_the_one_with_which_clearly_least_is_missed_is_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    whole = misfit([movement("m", rng=np.random.default_rng(0))])
-    found = fit(whole, PARAMETERS, TRUE, rough=True)
-    names = ("first", "alike", "better", "after")
-    choices = [
-        [cause_trials.TestedCause(cause=Cause(name=n, text=str), sizes=(), gain=50.0)]
-        for n in names
-    ]
-    fits = {name: replace(found, message=name) for name in names}
-    left = {"": 1.0, "first": 0.6, "alike": 0.55, "better": 0.1, "after": 0.01}
+@pytest.fixture
+def fitted_alone(monkeypatch: pytest.MonkeyPatch) -> tuple[Fit, dict[str, float], list[str]]:
+    """A fit, the evidence for each choice by name, and those that were fitted."""
+    found = fit(misfit([movement("m", rng=np.random.default_rng(0))]), PARAMETERS, TRUE, rough=True)
+    left = {"": 100.0, "first": 60.0, "alike": 58.0, "better": 10.0, "after": 1.0}
     tried: list[str] = []
 
     def fitted(_: Fit, __: Misfit, choice: list[cause_trials.TestedCause]) -> Fit:
         tried.append(choice[0].name)
-        return fits[choice[0].name]
+        moved = {**found.values, "k": found.values["k"] * (1.0 + 0.01 * len(tried))}
+        return replace(found, message=choice[0].name, values=moved)
 
-    start = replace(found, message="")
     monkeypatch.setattr(causes, "_fitted_with", fitted)
-    monkeypatch.setattr(causes, "missed_share", lambda fit: left[fit.message])
-    monkeypatch.setattr(causes, "is_worth_a_search", lambda fit, **_: left[fit.message] > 0.2)
+    monkeypatch.setattr(causes, "evidence", lambda fit, _: left[fit.message])
+    monkeypatch.setattr(causes, "is_worth_a_search", lambda fit, **_: left[fit.message] > 20.0)
+    return replace(found, message=""), left, tried
 
-    def taken(count: int) -> str:
+
+def choices_of(*gains: float) -> list[list[cause_trials.TestedCause]]:
+    return [
+        [cause_trials.TestedCause(cause=Cause(name=n, text=str), sizes=(), gain=gain)]
+        for n, gain in zip(("first", "alike", "better", "after"), gains, strict=False)
+    ]
+
+
+def test_of_several_choices_the_one_of_most_evidence_is_taken(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]],
+) -> None:
+    start, left, tried = fitted_alone
+
+    def taken(*gains: float) -> list[str]:
         tried.clear()
-        likeliest = _likeliest(start, whole, choices[:count], lambda: False)
-        return likeliest[1][0].name if likeliest else ""
+        fitted = _fitted_choices(start, start.misfit, choices_of(*gains), lambda: False)
+        return [item.choice[0].name for item in fitted]
 
-    assert taken(2) == "first"
-    # None is fitted after one that leaves nothing to look for.
-    assert taken(4) == "better"
+    assert taken(50.0, 40.0) == ["alike", "first"]
+    # None is fitted after one that leaves nothing to look for, unless it is as likely.
+    assert taken(50.0, 40.0, 30.0, 20.0) == ["better", "alike", "first"]
     assert tried == ["first", "alike", "better"]
-    left |= {"first": 0.99, "alike": 0.99}
-    assert taken(2) == ""
+    assert taken(50.0, 40.0, 30.0, 29.0)[0] == "after"
+    left |= {"first": 95.0, "alike": 99.0}
+    assert taken(50.0, 40.0) == []
+
+
+def test_choices_that_are_alike_are_both_said_and_widen_the_intervals(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]],
+) -> None:
+    start, _, _ = fitted_alone
+    fitted = _fitted_choices(start, start.misfit, choices_of(50.0, 40.0), lambda: False)
+    (rival,) = _rivals(fitted)
+    assert rival.odds == pytest.approx(np.exp(-1.0))
+    assert rival.line.startswith("or first: ")
+    assert "odds 0.37 to 1" in rival.line
+    before, after = (spread_of(start, rivals=some).coordinate_covariance for some in ([], [rival]))
+    # Both fits are one per cent of the stiffness apart.
+    share = rival.odds / (1.0 + rival.odds)
+    assert (after - before)[1, 1] == pytest.approx(share * 0.01**2, rel=0.05)
 
 
 def test_movements_that_do_not_slip_keep_the_common_level() -> None:

@@ -24,7 +24,7 @@ def test_every_problem_of_a_parameter_is_reported() -> None:
     assert "scatter" in str(reported.value)
 
 
-@pytest.mark.parametrize("transform", ["log", "linear"])
+@pytest.mark.parametrize("transform", ["log", "linear", "share"])
 def test_values_and_coordinates_belong_together(transform: str) -> None:
     item = Parameter(name="k", keys=("k",), start=2.0, lower=1.0, upper=8.0, transform=transform)
     assert item.value(item.coordinate(3.0)) == pytest.approx(3.0, rel=1e-12)

@@ -17,10 +17,11 @@ from tests.unit.test_calibration_fit import (
     response,
 )
 
+from turnout.calibration import fit as fit_module
 from turnout.calibration.comparison import predicted
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
-from turnout.calibration.fit import Fit, fit
+from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.linearisation import REACH, plane_of, points_about, reaches_of
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.result_entries import distrust_reasons
@@ -70,6 +71,23 @@ def test_planes_without_an_end_are_no_convergence(monkeypatch: pytest.MonkeyPatc
     (reason,) = distrust_reasons(found, spread_of(found))
     assert reason.startswith("the last stage stopped after 16 planes before convergence")
     assert "--fix" in reason
+    assert abs(off(found)) < 2.6
+
+
+def test_planes_without_an_end_lead_back_to_single_throws(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, start = rough(seed=3), {**TRUE, "k": 0.985 * TRUE["k"]}
+    near = brief_fit(whole, fit(whole, PARAMETERS, start, rough=True))
+    begun: list[Fit] = []
+    by_planes = fit_module.smooth_end
+
+    def first_without_an_end(found: Fit, first: Misfit) -> Fit:
+        begun.append(found)
+        return replace(by_planes(found, first), converged=len(begun) > 1)
+
+    monkeypatch.setattr(fit_module, "smooth_end", first_without_an_end)
+    found = fit(whole, PARAMETERS, near.values, near=near)
+    assert found.converged
+    assert [item.iterations > 0 for item in begun] == [False, True]
     assert abs(off(found)) < 2.6
 
 

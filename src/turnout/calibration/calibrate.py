@@ -419,7 +419,9 @@ def _concluded(
 ) -> tuple[Calibration, Spread]:
     """Return the record of a fit without stages, and its spread with stated doubts of the panel."""
     columns = {key: panel_column(final, key, share) for key, share in shares.items()}
-    spread = spread_of(final, of_panel=list(columns.values()))
+    spread = spread_of(
+        final, of_panel=list(columns.values()), rivals=search.rivals if search else ()
+    )
     calibration = record_of(
         final,
         search,
@@ -586,7 +588,9 @@ class _Run:
         self.best[:] = [replace(search, found=final)]
         fewer = without_needless(search, final)
         if fewer is not search:
-            search, final = fewer, self._final(fewer)
+            again = self._final(fewer)
+            if fewer.is_as_likely(again, search, final):
+                search, final = fewer, again
         return final, search.ended(final)
 
     def _final(self, search: CauseSearch) -> Fit:

@@ -121,15 +121,19 @@ class Cause:
     shape: Shape | None = None
     scatter: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def sized(self) -> tuple[Parameter, ...]:
+        """Parameters that are its size: all of a smooth one, else the first."""
+        return self.parameters if self.smooth else self.parameters[:1]
+
     def sizes_in(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """Return its sizes from the values of a fit by name."""
         return tuple(values[item.name] for item in self.parameters)
 
     def is_slight(self, sizes: Sequence[float]) -> bool:
         """Return whether all of its sizes are too small for it to be one."""
-        # Where it is not smooth, its first parameter is its size.
-        sized = self.parameters if self.smooth else self.parameters[:1]
-        away = np.array([size - item.start for item, size in zip(sized, sizes, strict=False)])
+        pairs = zip(self.sized, sizes, strict=False)
+        away = np.array([size - item.start for item, size in pairs])
         return bool(away.size) and bool(np.all(np.abs(away) < self.least))
 
     def is_slight_in(self, values: Mapping[str, float]) -> bool:
@@ -386,7 +390,11 @@ def _table(panel: LoadedPanel, drive: str) -> Cause:
     return Cause(
         name="bushing shape",
         text=text,
-        parameters=tuple(_linear(key, 3.0, "1", lower=-3.0, prior=TABLE_SPREAD) for key in keys),
+        # Forces are in proportion to the stiffness that each span has.
+        parameters=tuple(
+            replace(_linear(key, 3.0, "1", lower=-3.0, prior=TABLE_SPREAD), transform="share")
+            for key in keys
+        ),
         tries=(0.2,) * len(keys),
         smooth=True,
         least=0.1,

@@ -14,7 +14,7 @@ from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import Frame, Misfit, about_clock, framed, jacobian
 from turnout.calibration.shared import effective_samples, model_error
-from turnout.calibration.stages import Parameter
+from turnout.calibration.stages import Parameter, prior_residuals, prior_slopes
 
 Floats = NDArray[np.float64]
 # How often the levels of the movements are estimated again in a trial.
@@ -78,6 +78,30 @@ class TestedCause:
         """Return the cause as a line for the screen."""
         state = "fitted with the values" if self.fitted else "possible"
         return f"{self.name}: {self.text} ({state}, BIC {self.gain:.0f} lower)"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rival:
+    """A choice of causes about as likely as one that was taken up.
+
+    Attributes
+    ----------
+    text : str
+        Its causes in words.
+    odds : float
+        Its probability over that of the one taken up [-].
+    moves : mapping of str to float
+        By parameter how far its fit is from the fit of the one taken up [coordinate].
+    """
+
+    text: str
+    odds: float
+    moves: Mapping[str, float]
+
+    @property
+    def line(self) -> str:
+        """The rival as a line for the screen."""
+        return f"or {self.text} (odds {self.odds:.2g} to 1 against what was taken up; in intervals)"
 
 
 def with_cause(misfit: Misfit, cause: Cause) -> Misfit:
@@ -231,12 +255,16 @@ def _steps_of(cause: Cause, values: Mapping[str, float]) -> list[dict[str, float
 def _shares_of(cause: Cause) -> list[float]:
     """Return one `_scale` of each parameter of a cause as a share of the step that is tried."""
     pairs = zip(cause.parameters, cause.tries, strict=True)
-    return [_scale(item, size) / (size - item.start) for item, size in pairs]
+    return [
+        _scale(item, size) / (item.coordinate(size) - item.coordinate(item.start))
+        for item, size in pairs
+    ]
 
 
 def _scale(parameter: Parameter, size: float) -> float:
-    """Return the deviation of a parameter's prior, or the size that is tried [its unit]."""
-    return parameter.prior or abs(size - parameter.start)
+    """Return the deviation of a parameter's prior, or the size that is tried [coordinate]."""
+    step = abs(parameter.coordinate(size) - parameter.coordinate(parameter.start))
+    return parameter.prior_width if parameter.prior else step
 
 
 def _chosen_together(
@@ -302,7 +330,7 @@ def _chosen_together(
 def _reached(cause: Cause, sizes: Iterator[float], gain: float) -> TestedCause:
     """Return a cause at sizes from those in its scales, within the bounds."""
     reached = tuple(
-        min(max(item.start + next(sizes) * _scale(item, size), item.lower), item.upper)
+        item.value(item.coordinate(item.start) + next(sizes) * _scale(item, size))
         for item, size in zip(cause.parameters, cause.tries, strict=True)
     )
     return TestedCause(cause=cause, sizes=reached, gain=gain)
@@ -333,6 +361,50 @@ def _adjusted(residuals: Floats, J: Floats, frame: Frame) -> float:
     """Return minus twice the log-likelihood with all values adjusted to first order."""
     rest = residuals + J @ np.linalg.lstsq(J, -residuals, rcond=None)[0]
     return float(rest @ rest) + _log_determinant(frame)
+
+
+def deviance(found: Fit) -> float:
+    """Return minus twice the log-likelihood of a fit with its own noise, and of its priors."""
+    away = prior_residuals(found.parameters, found.point)
+    factors = [factor for item in found.frame.alignments for factor in item.factors]
+    noise = sum(2.0 * float(np.log(np.diag(factor)).sum()) for factor in factors)
+    return found.cost + float(away @ away) + noise + _log_determinant(found.frame)
+
+
+def of_sizes(causes: Sequence[Cause], found: Fit, *, more: int = 0) -> tuple[float, float]:
+    r"""Return what sizes of causes explain, and what they cost, in the deviance of a fit.
+
+    With the sizes `a` and the information `S` on them that all other values leave, the deviance
+    without them would be higher by :math:`a^T S a`, and they cost
+
+    .. math:: \ln\det(\Sigma S) + k \ln n
+
+    with the prior variances of those that have one, and the effective samples `n` for each of the
+    `k` others, for each cause that every movement has a size of its own of, and for `more` unknowns
+    without a prior.
+    """
+    places = {item.name: number for number, item in enumerate(found.parameters)}
+    sized = [item for cause in causes for item in cause.sized]
+    own = [places[item.name] for item in sized]
+    rest = [number for number in range(len(places)) if number not in own]
+    J = np.vstack([found.jacobian, np.diag(prior_slopes(found.parameters))])
+    H = J.T @ J
+    S = (
+        H[np.ix_(own, own)]
+        - H[np.ix_(own, rest)]
+        @ np.linalg.lstsq(H[np.ix_(rest, rest)], H[np.ix_(rest, own)], rcond=None)[0]
+    )
+    a = np.array(
+        [item.coordinate(found.values[item.name]) - item.coordinate(item.start) for item in sized]
+    )
+    known = [n for n, item in enumerate(sized) if item.prior > 0.0]
+    widths = np.array([sized[n].prior_width for n in known])
+    cost = float(np.linalg.slogdet(S[np.ix_(known, known)] * np.outer(widths, widths))[1])
+    free = more + len(sized) - len(known) + sum(not cause.parameters for cause in causes)
+    if free:
+        samples = effective_samples(found.frame.alignments, found.misfit.comparison)
+        cost += free * float(np.log(samples))
+    return float(a @ S @ a), cost
 
 
 def _log_determinant(frame: Frame) -> float:

@@ -8,6 +8,7 @@ is decisively better is fitted together with all values, so that they are freed 
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,11 @@ from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import (
+    Rival,
     TestedCause,
     cause_trials,
+    deviance,
+    of_sizes,
     one_of_alike,
     own_levels,
     with_cause,
@@ -25,10 +29,15 @@ from turnout.calibration.comparison import peaks_of
 from turnout.calibration.evaluate import throws_done
 from turnout.calibration.fit import Fit, brief_fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
-from turnout.calibration.misfit import Misfit
-from turnout.calibration.sensors import FoundSensor, found_sensors, lead_text, needs_lead
-from turnout.calibration.shared import CLOCK, effective_samples, missing_more, model_error
-from turnout.calibration.stages import prior_slopes
+from turnout.calibration.misfit import Misfit, framed
+from turnout.calibration.sensors import (
+    FoundSensor,
+    common_lead,
+    found_sensors,
+    lead_text,
+    needs_lead,
+)
+from turnout.calibration.shared import CLOCK, missing_more
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
@@ -46,16 +55,14 @@ MOST_ROUNDS = 2
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
 # is begun: a model of something else could go on for long and still miss much.
 MOST_THROWS = 600
-# What a fit with a cause may miss at most, as a share of what one without it does, and of what one
-# does whose cause is at its bound [-].
-LESS_MISSED, AS_WELL = 0.85, 1.05
 # What a cause says of its remedy, and what stands there where the map states a recorder already.
 STATE, BESIDE = (
     "state it in the channel map as",
     "beside what the channel map states already; it is",
 )
-# Difference of the criterion from which on a cause is one.
-DECISIVE = 10.0
+# Difference of twice the logarithm of evidences from which on a cause is one, and up to which two
+# are alike: odds of 1 to 20.
+DECISIVE, ALIKE = 10.0, 6.0
 # The scatter of a slip level from which on it is one [-], of movements that know it to this share
 # of what was expected.
 LEAST_SCATTER, SAYS_SOMETHING = 5e-3, 0.3
@@ -77,6 +84,8 @@ class CauseSearch:
         Those that were taken up.
     others : tuple of TestedCause
         That explain something, the likeliest first.
+    rivals : tuple of Rival
+        That were about as likely as some of those taken up.
     misses : bool
         Whether the model still misses more than other solvers would.
     stopped : int
@@ -88,6 +97,7 @@ class CauseSearch:
     plain: Misfit
     taken: tuple[TestedCause, ...] = ()
     others: tuple[TestedCause, ...] = ()
+    rivals: tuple[Rival, ...] = ()
     misses: bool
     stopped: int = 0
 
@@ -95,6 +105,11 @@ class CauseSearch:
     def tested(self) -> tuple[TestedCause, ...]:
         """Those that were taken up, then the others."""
         return (*self.taken, *self.others)
+
+    def is_as_likely(self, final: Fit, other: "CauseSearch", its: Fit) -> bool:
+        """Return whether a fit with these causes is as likely as one with those of another."""
+        mine, yours = ([item.cause for item in some.taken] for some in (self, other))
+        return evidence(final, mine) < evidence(its, yours) + DECISIVE
 
     def ended(self, final: Fit) -> "CauseSearch":
         """Return the search with its causes as the fit to the end found them."""
@@ -173,6 +188,8 @@ def with_causes(
     """
     plain, taken = first, list[TestedCause]()
     tested: list[TestedCause] = []
+    rivals: list[Rival] = []
+    choice: Sequence[TestedCause] = ()
     left = candidate_causes(panel, found.parameters, first.movements)
     begun, most = throws_done(first.evaluator), MOST_THROWS * len(first.movements)
 
@@ -192,10 +209,11 @@ def with_causes(
             if item.gain > DECISIVE and not item.cause.is_slight(item.sizes)
         ]
         good = [choice for choice in choices if choice[0].gain > DECISIVE]
-        fitted = _likeliest(found, first, one_of_alike(good)[:ATTEMPTS], is_spent)
-        if fitted is None:
+        fitted = _fitted_choices(found, first, good, is_spent)
+        if not fitted:
             break
-        found, choice = _best_of_alike(found, first, fitted, good, is_spent)
+        found, choice = fitted[0].found, fitted[0].choice
+        rivals += _rivals(fitted)
         for item in choice:
             first = with_cause(first, item.cause)
         taken += choice
@@ -207,32 +225,31 @@ def with_causes(
     for item in tested if misses else ():
         if item.name not in {known.name for known in taken}:
             others.setdefault(item.name, item)
-    return CauseSearch(
+    search = CauseSearch(
         found=found,
         first=first,
         plain=plain,
         taken=tuple(taken),
         stopped=throws_done(first.evaluator) - begun if misses and is_spent() else 0,
         others=tuple(others.values()),
+        rivals=tuple(rivals),
         misses=misses,
-    ).ended(found)
+    )
+    # One that was taken up before the right one would hold back the end, and others with it.
+    earlier = taken[: -len(choice)] if taken else []
+    for item in sorted(earlier, key=lambda item: explained_by(item.cause, found)):
+        fewer = without(search, search.found, [item])
+        if not fewer.is_as_likely(fewer.found, search, search.found):
+            break
+        search = fewer
+    return search.ended(search.found)
 
 
-def without_needless(
-    search: CauseSearch,
-    final: Fit,
-) -> CauseSearch:
-    r"""Leave out causes that the fit to the end does not need, and fit briefly without them.
+def without_needless(search: CauseSearch, final: Fit) -> CauseSearch:
+    """Leave out causes that the fit to the end does not need, and fit briefly without them.
 
-    A cause is often taken up while another is still unknown. With the sizes `a` of a cause at the
-    end, and the information `S` on them that all other values leave, the deviance without it is
-    higher by
-
-    .. math:: a^T S a - \ln\det(\Sigma S) - k \ln n
-
-    with the prior variances of those parameters that have one, and the effective samples `n` for
-    each of the `k` others. Where that is not decisive, or the sizes are too small to matter, it is
-    left out, unless the model then misses more.
+    A cause is often taken up while another is still unknown. What its sizes explain at the end is
+    then no more than they cost, or they are too small to matter.
 
     Parameters
     ----------
@@ -246,14 +263,16 @@ def without_needless(
     CauseSearch
         The same one where all are needed.
     """
-    needed = [item for item in search.taken if is_needed(item.cause, final)]
-    if len(needed) == len(search.taken):
-        return search
-    left_out = [item.cause for item in search.taken if item not in needed]
+    return without(search, final, [t for t in search.taken if not is_needed(t.cause, final)])
+
+
+def without(search: CauseSearch, final: Fit, left_out: Sequence[TestedCause]) -> CauseSearch:
+    """Fit briefly without some causes from a fit with them; the same where there are none."""
+    kept = tuple(item for item in search.taken if item not in left_out)
     first = search.plain
-    for item in needed:
+    for item in kept:
         first = with_cause(first, item.cause)
-    dropped = {item.name for cause in left_out for item in cause.parameters}
+    dropped = {own.name for item in left_out for own in item.cause.parameters}
     values = {name: value for name, value in final.values.items() if name not in dropped}
     effects = {
         name: row for name, row in final.misfit.effects.items() if name in first.comparison.scatter
@@ -265,16 +284,65 @@ def without_needless(
         misfit=replace(final.misfit, effects=effects),
         local=replace(final.local, stepped={}),
     )
-    try:
-        found = brief_fit(replace(first, base=values), start)
-    except SolverError:
-        return search
-    slight = all(cause.is_slight_in(final.values) for cause in left_out)
-    if not slight and missed_share(found) * LESS_MISSED > missed_share(final):
-        return search
-    return replace(
-        search, found=found, first=first, taken=tuple(needed), misses=is_worth_a_search(found)
-    )
+    with suppress(SolverError):
+        if left_out:
+            found = brief_fit(replace(first, base=values), start)
+            misses = is_worth_a_search(found)
+            return replace(search, found=found, first=first, taken=kept, misses=misses)
+    return search
+
+
+def evidence(found: Fit, causes: Sequence[Cause]) -> float:
+    """Return minus twice the logarithm of the evidence for causes by a fit with them (Laplace).
+
+    Where all movements begin later than marked, motors that lead are one unknown more.
+    """
+    leads = needs_lead(found)
+    if leads:
+        known = replace(found.misfit.comparison, lead=common_lead(found))
+        misfit = replace(found.misfit, comparison=known)
+        frame = framed(found.local, misfit)
+        residuals = misfit.residuals_of(found.local.simulated, frame)
+        found = replace(found, misfit=misfit, frame=frame, residuals=residuals)
+    return deviance(found) + of_sizes(causes, found, more=int(leads))[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedChoice:
+    """A fit with one choice of causes.
+
+    Attributes
+    ----------
+    found : Fit
+        All values together with the causes.
+    choice : sequence of TestedCause
+        Those that are no trifles at its end.
+    evidence : float
+        As of `evidence` [-].
+    """
+
+    found: Fit
+    choice: Sequence[TestedCause]
+    evidence: float
+
+
+def _rivals(fitted: Sequence[FittedChoice]) -> list[Rival]:
+    """Return the choices about as likely as the first of them."""
+    best = fitted[0]
+    return [
+        Rival(
+            text=" and ".join(f"{cause.name}: {cause.text}" for cause in found.choice),
+            odds=float(np.exp(0.5 * (best.evidence - found.evidence))),
+            moves={
+                item.name: item.coordinate(found.found.values[item.name])
+                - item.coordinate(best.found.values[item.name])
+                for item in best.found.parameters
+                if item.name in {own.name for own in found.found.parameters}
+            },
+        )
+        for found in fitted[1:]
+        if found.evidence < best.evidence + ALIKE
+    ]
 
 
 def continued(found: Fit, first: Misfit, *, rounds: int) -> Fit:
@@ -292,93 +360,69 @@ def continued(found: Fit, first: Misfit, *, rounds: int) -> Fit:
         At most.
     """
     for _ in range(rounds):
-        before = missed_share(found)
-        found = brief_fit(
+        again = brief_fit(
             replace(first, base=found.values), found, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS
         )
-        if missed_share(found) > LESS_MISSED * before or not is_worth_a_search(found):
+        before, after = deviance(found), deviance(again)
+        if after <= before:
+            found = again
+        if after > before - DECISIVE or not is_worth_a_search(found):
             break
     return found
 
 
-def _likeliest(
+def _fitted_choices(
     found: Fit,
     first: Misfit,
     choices: Sequence[Sequence[TestedCause]],
     is_spent: Callable[[], bool],
-) -> tuple[Fit, Sequence[TestedCause]] | None:
-    """Fit with each of the likeliest choices, and return the one with which the model misses least.
+) -> list[FittedChoice]:
+    """Fit with each of the likeliest choices, and return those with evidence, the likeliest first.
 
-    Which it is shows only in what a fit with each still misses. One that comes later has to miss
-    clearly less; none is tried after one that leaves nothing to look for.
+    None is fitted after one that leaves nothing to look for, unless that is as likely to first
+    order. Of causes much alike the others are fitted too where the one that was is at its bound,
+    which is another (a bushing without stiffness is play), leaves something, or needs a lead of the
+    motors, as those do that delay forces less than the right one.
     """
-    best: tuple[Fit, Sequence[TestedCause]] | None = None
-    for choice in choices:
-        if is_spent() or (best and not is_worth_a_search(best[0])):
-            break
-        try:
+    least = evidence(found, ())
+    fitted: list[FittedChoice] = []
+
+    def fit_with(choice: Sequence[TestedCause]) -> None:
+        with suppress(SolverError):
             again = _fitted_with(found, first, choice)
             kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
-                choice, again = kept, _fitted_with(found, first, kept)
-        except SolverError:
-            continue
-        if kept and missed_share(again) <= LESS_MISSED * missed_share(best[0] if best else found):
-            best = again, choice
-    return best
+                again = _fitted_with(found, first, kept)
+            size = evidence(again, [item.cause for item in kept])
+            if kept and size < least - DECISIVE:
+                fitted.append(FittedChoice(found=again, choice=kept, evidence=size))
+                fitted.sort(key=lambda item: item.evidence)
 
+    def is_rival(choice: Sequence[TestedCause]) -> bool:
+        best = fitted[0]
+        return is_worth_a_search(best.found) or _gain(choice) > _gain(best.choice) - ALIKE
 
-def _best_of_alike(
-    before: Fit,
-    first: Misfit,
-    fitted: tuple[Fit, Sequence[TestedCause]],
-    choices: Sequence[Sequence[TestedCause]],
-    is_spent: Callable[[], bool],
-) -> tuple[Fit, Sequence[TestedCause]]:
-    """Return the fit that misses least of one with a cause and those with others much alike.
-
-    A mean over the past and filters of a recorder delay forces alike; which it is shows only in
-    what a fit with each still misses, or in a lead of the motors that but one of them needs.
-    """
-    found, choice = fitted
-    taken = choice[0].cause
-    # One at its bound is another: a bushing without stiffness is play.
-    bound = any(item.at_bound(found.values[item.name]) for item in taken.parameters)
-    if not taken.group:
-        return fitted
-    with_lead = needs_lead(found)
-    if not (bound or with_lead or is_worth_a_search(found)):
-        return fitted
-    for other in choices:
-        cause = other[0].cause
-        if len(other) > 1 or cause is taken or cause.group != taken.group:
-            continue
-        if is_spent():
+    for choice in one_of_alike(choices)[:ATTEMPTS]:
+        if is_spent() or (fitted and not is_rival(choice)):
             break
-        try:
-            again = _fitted_with(before, first, other)
-        except SolverError:
+        fit_with(choice)
+    if not fitted or not fitted[0].choice[0].cause.group:
+        return fitted
+    best, taken = fitted[0].found, fitted[0].choice[0].cause
+    bound = any(item.at_bound(best.values[item.name]) for item in taken.parameters)
+    doubted = bound or needs_lead(best)
+    for choice in choices:
+        cause = choice[0].cause
+        if len(choice) > 1 or cause is taken or cause.group != taken.group or is_spent():
             continue
-        again_with_lead = needs_lead(again)
-        # A lead is one more unknown: a fit that needs none may miss as much as one that does.
-        if again_with_lead == with_lead:
-            better = missed_share(again) < missed_share(found) * (AS_WELL if bound else 1.0)
-        elif with_lead:
-            better = missed_share(again) <= AS_WELL * missed_share(found)
-        else:
-            better = AS_WELL * missed_share(again) < missed_share(found)
-        if better:
-            found, choice, bound, with_lead = again, other, False, again_with_lead
-    return found, choice
+        if doubted or is_rival(choice):
+            fit_with(choice)
+    return fitted
 
 
-def missed_share(found: Fit) -> float:
-    """Return what a fit misses of all channels, as shares of their peaks [-]."""
-    comparison = found.misfit.comparison
-    return sum(
-        model_error(comparison, key) / max(peak, 1.0)
-        for key, peak in peaks_of(found.misfit.movements).items()
-    )
+def _gain(choice: Sequence[TestedCause]) -> float:
+    """Return what a choice lowers the criterion by to first order [-]."""
+    return sum(item.gain for item in choice)
 
 
 def _fitted_with(found: Fit, first: Misfit, choice: Sequence[TestedCause]) -> Fit:
@@ -431,6 +475,7 @@ def cause_lines(
     stated = any(s.recorder for item in final.misfit.movements for s in item.signals)
     for item in search.tested if search else ():
         lines.append(item.line.replace(STATE, BESIDE) if stated else item.line)
+    lines += [item.line for item in (search.rivals if search else ())]
     if search is not None and search.stopped:
         lines.append(
             f"search: ended after {search.stopped} throws, {MOST_THROWS} a movement at most, "
@@ -443,28 +488,13 @@ def is_needed(cause: Cause, final: Fit) -> bool:
     """Return whether a fit to the end shows that a cause is one."""
     if not cause.parameters:
         return any(_scatters(name, final) for name in cause.scatter)
-    if cause.is_slight_in(final.values):
-        return False
-    places = {item.name: number for number, item in enumerate(final.parameters)}
-    sized = cause.parameters if cause.smooth else cause.parameters[:1]
-    own = [places[item.name] for item in sized]
-    rest = [number for number in range(len(places)) if number not in own]
-    J = np.vstack([final.jacobian, np.diag(prior_slopes(final.parameters))])
-    H = J.T @ J
-    S = (
-        H[np.ix_(own, own)]
-        - H[np.ix_(own, rest)]
-        @ np.linalg.lstsq(H[np.ix_(rest, rest)], H[np.ix_(rest, own)], rcond=None)[0]
-    )
-    a = np.array(
-        [item.coordinate(final.values[item.name]) - item.coordinate(item.start) for item in sized]
-    )
-    samples = effective_samples(final.frame.alignments, final.misfit.comparison)
-    known = [n for n, item in enumerate(sized) if item.prior > 0.0]
-    widths = np.array([sized[n].prior_width for n in known])
-    gain = float(a @ S @ a) - (len(sized) - len(known)) * float(np.log(samples))
-    gain -= float(np.linalg.slogdet(S[np.ix_(known, known)] * np.outer(widths, widths))[1])
-    return gain > DECISIVE
+    return not cause.is_slight_in(final.values) and explained_by(cause, final) > DECISIVE
+
+
+def explained_by(cause: Cause, found: Fit) -> float:
+    """Return what sizes of a cause explain in the deviance of a fit beyond what they cost."""
+    explained, cost = of_sizes([cause], found)
+    return explained - cost
 
 
 def _scatters(name: str, final: Fit) -> bool:

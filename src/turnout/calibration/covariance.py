@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri, stdtrit
 
 from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, MODULUS
+from turnout.calibration.cause_trials import Rival
 from turnout.calibration.comparison import Alignment, Key
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
@@ -120,7 +121,9 @@ def moves_by(found: Fit, column: Floats) -> Floats:
     return np.asarray(np.linalg.solve(normal, -J.T @ found.frame.joined(column)))
 
 
-def spread_of(found: Fit, *, of_panel: Sequence[Floats] = ()) -> Spread:
+def spread_of(
+    found: Fit, *, of_panel: Sequence[Floats] = (), rivals: Sequence[Rival] = ()
+) -> Spread:
     """Return the covariance of a fit from its sensitivities.
 
     Parameters
@@ -130,6 +133,9 @@ def spread_of(found: Fit, *, of_panel: Sequence[Floats] = ()) -> Spread:
     of_panel : sequence of ndarray, shape (n,)
         Change of the residuals, whitened movement by movement alone, with one deviation of each
         number of the panel whose uncertainty is stated.
+    rivals : sequence of Rival
+        Choices of causes about as likely as those of the fit: what values would be with each counts
+        with its probability.
 
     Returns
     -------
@@ -144,6 +150,10 @@ def spread_of(found: Fit, *, of_panel: Sequence[Floats] = ()) -> Spread:
     for column in (*solver_columns(found), *of_panel):
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
+    total = 1.0 + sum(item.odds for item in rivals)
+    for rival in rivals:
+        move = np.array([rival.moves.get(item.name, 0.0) for item in parameters])
+        whole = whole + rival.odds / total * np.outer(move, move)
     scale_move = _of_scale(found)
     whole = whole + np.diag(_of_chairs(found) ** 2) + np.outer(scale_move, scale_move)
     sizes = np.sqrt(np.diag(whole))

@@ -10,12 +10,12 @@ with them until they rest.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from turnout.calibration.comparison import (
     Comparison,
@@ -25,12 +25,12 @@ from turnout.calibration.comparison import (
     missed_by_model,
     predicted,
 )
-from turnout.calibration.evaluate import Response
 from turnout.calibration.linearisation import (
     REACH,
     SAME_ROUGH_SLOPE,
     Linearisation,
     Thrown,
+    bounded_step,
     reaches_of,
 )
 from turnout.calibration.measured_movements import BIN
@@ -54,7 +54,6 @@ from turnout.calibration.stages import (
     Parameter,
     coordinates,
     prior_residuals,
-    prior_slopes,
     values_at,
 )
 from turnout.core.errors import SolverError
@@ -229,8 +228,6 @@ SCATTER_WEIGHT = 2.0
 NOISE_TOLERANCE = 0.25
 # Residuals beyond this many standard deviations, such as at an impact, count less once near.
 OUTLIER_LIMIT = 3.0
-# Longest step, a factor of 1.6 [coordinate].
-MAX_STEP = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -323,17 +320,50 @@ def fit(
         When a movement cannot be simulated at the start.
     """
     effects = near.misfit.effects if near else {}
-    local = near.local if near else None
+    local: Linearisation | None = near.local if near else None
     if rough:
         misfit = replace(misfit, same_slope=SAME_ROUGH_SLOPE)
         inflated = replace(inflate_noise(misfit, parameters, values), effects=effects)
         found = _least_squares(inflated, parameters, values, rough=True, local=local)
         return replace(found, misfit=reestimate_noise(found, misfit))
     first, misfit = misfit, replace(misfit, effects=effects)
-    if refined and near is not None and not is_poor(near.misfit):
-        misfit = replace(misfit, comparison=noise_near(near.misfit, misfit.comparison))
-        start = replace(near, misfit=misfit.refined(values), values=values, iterations=0)
-        return smooth_end(start, first)
+    if not refined or near is None or is_poor(near.misfit):
+        return _by_single_throws(misfit, first, parameters, values, local=local, refined=refined)
+    left = near.misfit.comparison
+    known = replace(
+        misfit.comparison,
+        noise=left.noise,
+        scatter=left.scatter,
+        discrepancy=left.discrepancy,
+        outlier_limit=left.outlier_limit,
+    )
+    misfit = replace(misfit, comparison=known).refined(values)
+    found = replace(near, misfit=misfit, values=values, iterations=0)
+    # Slopes that led near are of elsewhere: planes that they are part of would be too.
+    with suppress(SolverError):
+        slopes = misfit.local_near(values, [item.name for item in parameters], near.local)
+        found = replace(found, local=slopes)
+    found = smooth_end(found, first)
+    if found.converged:
+        return found
+    # What is further off than planes lead, single throws may come to.
+    with suppress(SolverError):
+        return _by_single_throws(
+            found.misfit, first, parameters, found.values, local=found.local, refined=refined
+        )
+    return found
+
+
+def _by_single_throws(
+    misfit: Misfit,
+    first: Misfit,
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    *,
+    local: Linearisation | None,
+    refined: bool,
+) -> Fit:
+    """Fit by single throws, noise found again with each pass, and end by planes if refined."""
     iterations = 0
     for number in range(MAX_PASSES):
         # Finer steps are no remedy for a model of something else, and too long a way from afar.
@@ -398,8 +428,17 @@ def smooth_end(found: Fit, first: Misfit) -> Fit:
         message = "converged" if near else f"stopped after {number} planes before convergence"
         frame = framed(local, misfit)
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
-        found = _ended(
-            misfit, found.parameters, (local, frame, r, J), found.iterations + 1, message, near
+        found = replace(
+            found,
+            misfit=misfit,
+            values=values,
+            local=local,
+            frame=frame,
+            residuals=r,
+            jacobian=J,
+            iterations=found.iterations + 1,
+            message=message,
+            converged=near,
         )
         misfit.evaluator.step_made(found.rms)
         # Noise that is found again with each step may alternate, and so would the steps.
@@ -491,8 +530,7 @@ def _least_squares(
     while True:
         slopes = local.stepped
         misfit, local, frame = update_movement_effects(misfit, local, names, passes=passes)
-        if local.stepped is not slopes:
-            fresh = True
+        fresh = fresh or local.stepped is not slopes
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         cost = _cost(r, parameters, local.values)
         misfit.evaluator.step_made(float(np.sqrt(cost / max(r.size, 1))))
@@ -510,7 +548,8 @@ def _least_squares(
             theta = coordinates(parameters, local.values) + step
             trial = {**local.values, **values_at(parameters, theta)}
             trial_misfit = replace(misfit, effects=effects_after(misfit, local, frame, names, step))
-            here, trial_cost = _tried(trial_misfit, frame, parameters, trial)
+            here = tuple(trial_misfit.responses([trial])[0])
+            trial_cost = _cost(trial_misfit.residuals_of(here, frame), parameters, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
                 if not rough and brief is None:
@@ -529,29 +568,16 @@ def _least_squares(
                 message, converged = "converged as far as its slopes lead", True
             break
         local, fresh = replace(local, values=trial, simulated=here), False
-    message = message or f"stopped after {iterations} steps before convergence"
-    return _ended(misfit, parameters, (local, frame, r, J), iterations, message, converged)
-
-
-def _ended(
-    misfit: Misfit,
-    parameters: Sequence[Parameter],
-    there: tuple[Linearisation, Frame, Floats, Floats],
-    iterations: int,
-    message: str,
-    converged: bool,  # noqa: FBT001 - as all else of where a fit ended
-) -> Fit:
-    local, frame, residuals, slopes = there
     return Fit(
         misfit=misfit,
         parameters=tuple(parameters),
         values=local.values,
         local=local,
         frame=frame,
-        residuals=residuals,
-        jacobian=slopes,
+        residuals=r,
+        jacobian=J,
         iterations=iterations,
-        message=message,
+        message=message or f"stopped after {iterations} steps before convergence",
         converged=converged,
     )
 
@@ -570,14 +596,6 @@ def _local_at(
         return misfit.local(values, names)
     whole = {**misfit.base, **values}
     return replace(local, values=whole, simulated=tuple(misfit.responses([whole])[0]))
-
-
-def _tried(
-    misfit: Misfit, frame: Frame, parameters: Sequence[Parameter], values: Mapping[str, float]
-) -> tuple[tuple[Response, ...], float]:
-    """Return the responses at values, and their cost in a frame."""
-    here = tuple(misfit.responses([values])[0])
-    return here, _cost(misfit.residuals_of(here, frame), parameters, values)
 
 
 def _limits(*, rough: bool, brief: int | None) -> tuple[int, int, int]:
@@ -687,18 +705,6 @@ def is_poor(misfit: Misfit) -> bool:
     return bool(missing_more(misfit.comparison, misfit.movements, share=CLEARLY))
 
 
-def noise_near(near: Misfit, comparison: Comparison) -> Comparison:
-    """Return a comparison with the noise that a fit near by left."""
-    known = near.comparison
-    return replace(
-        comparison,
-        noise=known.noise,
-        scatter=known.scatter,
-        discrepancy=known.discrepancy,
-        outlier_limit=known.outlier_limit,
-    )
-
-
 def with_sensors_held(comparison: Comparison, share: float) -> Comparison:
     """Return a comparison whose sensors are known better, by the share that noise is reduced by.
 
@@ -740,48 +746,3 @@ def same_noise(before: Misfit, after: Misfit) -> bool:
         (before.comparison.scatter[name], share) for name, share in after.comparison.scatter.items()
     ]
     return all(abs(a - b) <= NOISE_TOLERANCE * max(a, b) for a, b in pairs)
-
-
-def bounded_step(
-    r: Floats,
-    J: Floats,
-    parameters: Sequence[Parameter],
-    values: Mapping[str, float],
-    damping: float,
-) -> tuple[Floats, float]:
-    r"""Return the Levenberg-Marquardt step within bounds, and the predicted decrease of the cost.
-
-    .. math::
-
-        \min_s \|J s + r\|^2 + \lambda \|D s\|^2, \quad D_{jj} = \|J_{:j}\|
-
-    Parameters
-    ----------
-    r : ndarray, shape (n,)
-        Whitened residuals [-].
-    J : ndarray, shape (n, p)
-        Their change with each coordinate.
-    parameters : sequence of Parameter
-        With bounds, in the order of the columns of `J`.
-    values : mapping of str to float
-        At the present point.
-    damping : float
-        :math:`\lambda` [-].
-    """
-    theta = coordinates(parameters, values)
-    J = np.vstack([J, np.diag(prior_slopes(parameters))])
-    r = np.concatenate([r, prior_residuals(parameters, theta)])
-    D = np.sqrt((J**2).sum(axis=0))
-    D = np.where(D > 0, D, 1.0)
-    lower = np.array([item.coordinate(item.lower) for item in parameters]) - theta
-    upper = np.array([item.coordinate(item.upper) for item in parameters]) - theta
-    lower = np.minimum(np.maximum(lower, -MAX_STEP), -1e-12)
-    upper = np.maximum(np.minimum(upper, MAX_STEP), 1e-12)
-    # The triangle of [J r] gives the same step as the tall matrices.
-    R: Floats = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"), dtype=np.float64)
-    p = len(parameters)
-    matrix = np.vstack([R[:, :p], np.sqrt(damping) * np.diag(D)])
-    right = np.concatenate([-R[:, p], np.zeros(p)])
-    step = lsq_linear(matrix, right, bounds=(lower, upper)).x
-    r_linear = r + J @ step
-    return np.asarray(step), float(r @ r - r_linear @ r_linear)

@@ -1,4 +1,4 @@
-"""Simulations about a point: there, and one step aside for each parameter."""
+"""Simulations about a point: there, and one step aside for each parameter; steps of a fit."""
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
@@ -8,10 +8,17 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import hadamard
+from scipy.optimize import lsq_linear
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement, is_of_object
-from turnout.calibration.stages import Parameter, prior_information
+from turnout.calibration.stages import (
+    Parameter,
+    coordinates,
+    prior_information,
+    prior_residuals,
+    prior_slopes,
+)
 from turnout.core.errors import SolverError
 
 T = TypeVar("T")
@@ -42,6 +49,8 @@ FEWEST_PAIRS, FIRST_PAIRS, MORE_PAIRS, NEAR_REACHES = 4, 8, 4, 3.0
 KNOWN_WEIGHT = 0.5**0.5
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
+# Longest step, a factor of 1.6 [coordinate].
+MAX_STEP = 0.5
 # A drive that stays this far below its slip level does not feel it [-].
 UNTOUCHED = 0.98
 
@@ -435,3 +444,48 @@ def touches(parameter: Parameter, value: float, response: Response) -> bool:
     drives = [key.split(".")[1] for key in parameter.keys]
     largest = [float(np.abs(response.drive_force[name]).max()) for name in drives]
     return max(largest) >= UNTOUCHED * value
+
+
+def bounded_step(
+    r: Floats,
+    J: Floats,
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    damping: float,
+) -> tuple[Floats, float]:
+    r"""Return the Levenberg-Marquardt step within bounds, and the predicted decrease of the cost.
+
+    .. math::
+
+        \min_s \|J s + r\|^2 + \lambda \|D s\|^2, \quad D_{jj} = \|J_{:j}\|
+
+    Parameters
+    ----------
+    r : ndarray, shape (n,)
+        Whitened residuals [-].
+    J : ndarray, shape (n, p)
+        Their change with each coordinate.
+    parameters : sequence of Parameter
+        With bounds, in the order of the columns of `J`.
+    values : mapping of str to float
+        At the present point.
+    damping : float
+        :math:`\lambda` [-].
+    """
+    theta = coordinates(parameters, values)
+    J = np.vstack([J, np.diag(prior_slopes(parameters))])
+    r = np.concatenate([r, prior_residuals(parameters, theta)])
+    D = np.sqrt((J**2).sum(axis=0))
+    D = np.where(D > 0, D, 1.0)
+    lower = np.array([item.coordinate(item.lower) for item in parameters]) - theta
+    upper = np.array([item.coordinate(item.upper) for item in parameters]) - theta
+    lower = np.minimum(np.maximum(lower, -MAX_STEP), -1e-12)
+    upper = np.maximum(np.minimum(upper, MAX_STEP), 1e-12)
+    # The triangle of [J r] gives the same step as the tall matrices.
+    R: Floats = np.asarray(np.linalg.qr(np.column_stack([J, r]), mode="r"), dtype=np.float64)
+    p = len(parameters)
+    matrix = np.vstack([R[:, :p], np.sqrt(damping) * np.diag(D)])
+    right = np.concatenate([-R[:, p], np.zeros(p)])
+    step = lsq_linear(matrix, right, bounds=(lower, upper)).x
+    r_linear = r + J @ step
+    return np.asarray(step), float(r @ r - r_linear @ r_linear)

@@ -40,6 +40,7 @@ from turnout.core.provenance import content_hash, provenance
 from turnout.core.value_text import value_text
 from turnout.throw.store import open_response, save_response
 
+NO_CAUSE = "no cause that was tried explains it"
 # A model error this much above the noise gives a warning [-].
 LARGE_MISFIT = 1.5
 
@@ -127,7 +128,7 @@ def record_of(
 def _distrust(final: Fit, spread: Spread, causes: Sequence[str]) -> tuple[str, ...]:
     """Return the reasons not to trust values."""
     return (
-        *distrust_reasons(final, spread),
+        *distrust_reasons(final, spread, causes),
         *sensor_reasons(final),
         *prior_reasons(final, causes),
     )
@@ -239,10 +240,12 @@ def warnings_from(final: Fit, spread: Spread) -> list[str]:
     return found
 
 
-def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
+def distrust_reasons(final: Fit, spread: Spread, causes: Sequence[str] = ()) -> list[str]:
     """Say why a calibration is not trustworthy; nothing where it is.
 
-    Reasons are an end before convergence, values at their bounds, and a large model error.
+    Reasons are an end before convergence, values at their bounds, and a large model error. Beside
+    fitted causes that is any which another solver would not have too: the right ones leave nothing,
+    and wrong ones imitate most of what is missed with values that are off by more than the rest.
     """
     found = []
     if not final.converged:
@@ -259,15 +262,16 @@ def distrust_reasons(final: Fit, spread: Spread) -> list[str]:
                 "bound, or look for another cause"
             )
     movements = final.misfit.movements
-    peaks = peaks_of(movements)
+    peaks, share = peaks_of(movements), 1.0 if causes else CLEARLY
+    tried = f"{' and '.join(dict.fromkeys(causes))} explain it only in part" if causes else NO_CAUSE
     # Intervals allow for an error that acts like noise, not for one that a value can imitate.
     found += [
         f"{channel_name(*key)}: model error {missed:.3g} N, {100 * missed / peaks[key]:.2g} % of "
-        "the peak, and no cause that was tried explains it; what it is may have changed the values "
+        f"the peak, and {tried}; what it is may have changed the values "
         "by more than their intervals say: check that this is the panel that was measured, that "
         "rods and places are named right (channel map, run sheet), and the sensitivity of the "
         "channel"
-        for key, missed in missing_more(final.misfit.comparison, movements, share=CLEARLY).items()
+        for key, missed in missing_more(final.misfit.comparison, movements, share=share).items()
     ]
     return found
 

@@ -16,7 +16,7 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.model import PANEL_KEYS
 
 Floats = NDArray[np.float64]
-TRANSFORMS = ("log", "linear")
+TRANSFORMS = ("log", "linear", "share")
 # A free key may come to between a third and three times of what the panel says.
 REACH = 3.0
 # One unit of the coordinate of a linear parameter with a prior, in its standard deviations [-].
@@ -41,13 +41,15 @@ class Parameter:
     vary : bool
         Whether stages that name it may change it.
     transform : str
-        "log" (steps are shares of the value, which must be positive) or "linear".
+        "log" (steps are shares of the value, which must be positive), "linear", or "share": the
+        value is how much less something is, as a logarithm, and steps are shares of what it is.
     scatter : float
         Standard deviation from movement to movement, as a share of the value, that is expected
         before the measurement is seen; 0 for a value that all movements share.
     prior : float
         Standard deviation about `start` before the measurement, as a share of the value with the
-        transform "log", else in its unit; 0 for a flat density between the bounds.
+        transform "log", else in its unit, with "share" where it starts; 0 for a flat density
+        between the bounds.
 
     Examples
     --------
@@ -74,7 +76,7 @@ class Parameter:
         unit = "" if self.unit == "1" else f" {self.unit}"
         problems = []
         if self.transform not in TRANSFORMS:
-            problems.append(f'transform = "{self.transform}": must be "log" or "linear"')
+            problems.append(f'transform = "{self.transform}": must be one of {choices(TRANSFORMS)}')
         if not self.lower < self.upper:
             problems.append(
                 f"bounds {self.lower:g} ... {self.upper:g}: the lower must be below the upper"
@@ -108,19 +110,26 @@ class Parameter:
         """Standard deviation of the prior in the coordinate [-]; infinite for a flat one."""
         if self.prior == 0.0:
             return math.inf
-        return self.prior if self.transform == "log" else self.prior / self.scale
+        return self.prior if self.transform == "log" else self.prior / self.slope(self.start)
 
     def coordinate(self, value: float) -> float:
         """Return the coordinate in which a fit moves: a change of 0.01 is about one per cent."""
+        if self.transform == "share":
+            return -math.exp(-value)
         return math.log(value) if self.transform == "log" else value / self.scale
 
     def value(self, coordinate: float) -> float:
         """Return the value of a coordinate, within the bounds [its unit]."""
-        raw = math.exp(coordinate) if self.transform == "log" else coordinate * self.scale
+        if self.transform == "share":
+            raw = -math.log(-coordinate) if coordinate < 0.0 else math.inf
+        else:
+            raw = math.exp(coordinate) if self.transform == "log" else coordinate * self.scale
         return min(max(raw, self.lower), self.upper)
 
     def slope(self, value: float) -> float:
         """Return the change of the value with its coordinate [its unit]."""
+        if self.transform == "share":
+            return math.exp(value)
         return value if self.transform == "log" else self.scale
 
     def at_bound(self, value: float) -> bool:
