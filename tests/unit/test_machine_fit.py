@@ -259,6 +259,8 @@ def test_anchors_that_cannot_be() -> None:
         fit_machines(campaign(), idle={"3": 0.8})
     with pytest.raises(MeasurementError, match="drive_current: is missing"):
         fit_machines(campaign().drop_vars("drive_current"))
+    with pytest.raises(MeasurementError, match="direction: is missing"):
+        fit_machines(campaign().drop_vars("direction"))
     with pytest.raises(MeasurementError, match="no motor runs"):
         fit_machines(0.01 * campaign())
     with pytest.raises(MeasurementError, match="there are: 1 closing"):

@@ -5,6 +5,7 @@ The campaigns follow a circuit with 12 ohm, n = 4.2 and 15 ohm of leakage throug
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,6 +166,13 @@ def test_a_motor_that_is_no_such_circuit_has_the_slope_of_its_throws(index: int)
     assert holds(found.per_volt, truth["per_volt"], within=0.005)
     assert holds(found.current, truth["current"], within=0.005)
     assert holds(found.per_watt, truth["per_watt"], within=0.02)
+    # without voltage the slope of a line is stated for the power at which the current has it
+    without = [replace(one, blocks=dict(list(one.blocks.items())[1:])) for one in throws]
+    bare = fit_throws("1", without, rated_voltage=380.0)
+    assert bare.missing == ("U",)
+    there = truths(motor, replace(bare, voltage=found.voltage), 1.03, 0.0)
+    assert abs(there["per_watt"] / truth["per_watt"] - 1.0) > 0.02
+    assert holds(bare.per_watt, there["per_watt"], within=0.01)
 
 
 @pytest.mark.parametrize(

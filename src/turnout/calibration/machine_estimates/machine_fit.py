@@ -248,9 +248,10 @@ def _usual_length(
 
 
 def _check(campaign: xr.Dataset, given: Mapping[str, Mapping[str, object] | None]) -> None:
-    problems = []
-    if "drive_current" not in campaign or "movement" not in campaign.dims:
-        problems.append("drive_current: is missing; a fit needs the currents of movements")
+    there = {*campaign.variables, *campaign.dims}
+    lacks = [n for n in ("drive_current", "movement", "drive", "direction") if n not in there]
+    text = "is missing; a fit needs currents of drives in movements, each closing or opening"
+    problems = [f"{', '.join(lacks)}: {text}"] if lacks else []
     drives = [str(name) for name in campaign["drive"].values] if "drive" in campaign else []
     for what, by_drive in given.items():
         for name in by_drive or {}:

@@ -99,7 +99,8 @@ class ThreePhaseFit:
     missing : tuple of str
         Of U, I and P, those that were not recorded.
     voltage, power : float
-        Point of reference: means over throws, NaN where not recorded [V, W].
+        Point of reference: means over throws, NaN where not recorded [V, W]. Without voltage the
+        power about which it swings within throws.
     rated_voltage : float
         [V].
     current : Estimate or NotIdentified
@@ -427,8 +428,10 @@ def fit_throws(
         return fit
     line = _straight_line(blocks, (u, p))
     fit = replace(fit, left=(math.nan, _rms(line.left)))
-    if "U" in fit.missing:
-        return replace(fit, per_watt=_stated(line, 2))
+    if "U" in fit.missing:  # where the line is as steep as a current that bends
+        own = blocks.within(blocks.power)
+        swings = float(np.average(blocks.power - 0.5 * own, weights=own**2 + 1e-9))
+        return replace(fit, power=swings, per_watt=_stated(line, 2))
     if "P" in fit.missing:
         at_rated = np.array([1.0, rated_voltage - u, 0.0, 0.0])
         current = line.estimate(at_rated, float(at_rated @ line.values))
