@@ -139,7 +139,10 @@ def test_a_round_that_misses_more_is_not_gone_on_with(
 ) -> None:
     whole = misfit(averaged())
     found = brief_fit(whole, fit(whole, PARAMETERS, TRUE, rough=True))
-    again = replace(found, residuals=times * found.residuals)
+    comparison = found.misfit.comparison
+    noise = {k: replace(n, missed=times * n.missed) for k, n in comparison.noise.items()}
+    comparison = replace(comparison, noise=noise, discrepancy={})
+    again = replace(found, misfit=replace(found.misfit, comparison=comparison))
     monkeypatch.setattr(causes, "brief_fit", lambda *_, **__: again)
     assert causes.continued(found, whole, rounds=1) is (again if times < 1.0 else found)
 

@@ -80,9 +80,9 @@ def test_planes_without_an_end_lead_back_to_single_throws(monkeypatch: pytest.Mo
     begun: list[Fit] = []
     by_planes = fit_module.smooth_end
 
-    def first_without_an_end(found: Fit, first: Misfit) -> Fit:
+    def first_without_an_end(found: Fit, first: Misfit, **most: int) -> Fit:
         begun.append(found)
-        return replace(by_planes(found, first), converged=len(begun) > 1)
+        return replace(by_planes(found, first, **most), converged=len(begun) > 1)
 
     monkeypatch.setattr(fit_module, "smooth_end", first_without_an_end)
     found = fit(whole, PARAMETERS, near.values, near=near)

@@ -37,7 +37,7 @@ from turnout.calibration.sensors import (
     lead_text,
     needs_lead,
 )
-from turnout.calibration.shared import CLOCK, missing_more
+from turnout.calibration.shared import CLOCK, missing_more, model_error
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
@@ -52,6 +52,8 @@ AT_ONCE = 2
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 # Rounds in which a fit with a cause goes on where it misses something.
 MOST_ROUNDS = 2
+# What such a round may leave at most of what was missed, if another is to follow [-].
+LESS_MISSED = 0.85
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
 # is begun: a model of something else could go on for long and still miss much.
 MOST_THROWS = 600
@@ -107,7 +109,13 @@ class CauseSearch:
         return (*self.taken, *self.others)
 
     def is_as_likely(self, final: Fit, other: "CauseSearch", its: Fit) -> bool:
-        """Return whether a fit with these causes is as likely as one with those of another."""
+        """Return whether a fit with some of the causes of another is as likely as that.
+
+        Causes that are too small to be one are none, however well they follow what is rough.
+        """
+        left = [item.cause for item in other.taken if item not in self.taken]
+        if all(cause.is_slight_in(its.values) for cause in left):
+            return True
         mine, yours = ([item.cause for item in some.taken] for some in (self, other))
         return evidence(final, mine) < evidence(its, yours) + DECISIVE
 
@@ -363,12 +371,21 @@ def continued(found: Fit, first: Misfit, *, rounds: int) -> Fit:
         again = brief_fit(
             replace(first, base=found.values), found, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS
         )
-        before, after = deviance(found), deviance(again)
+        before, after = missed_share(found), missed_share(again)
         if after <= before:
             found = again
-        if after > before - DECISIVE or not is_worth_a_search(found):
+        if after > LESS_MISSED * before or not is_worth_a_search(found):
             break
     return found
+
+
+def missed_share(found: Fit) -> float:
+    """Return what a fit misses of all channels, as shares of their peaks [-]."""
+    comparison = found.misfit.comparison
+    return sum(
+        model_error(comparison, key) / max(peak, 1.0)
+        for key, peak in peaks_of(found.misfit.movements).items()
+    )
 
 
 def _fitted_choices(

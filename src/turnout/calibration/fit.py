@@ -222,6 +222,8 @@ BRIEF_REJECTED = 4
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
 # step goes at most [reaches].
 SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 16, 0.3, 3, 10.0
+# Planes from a brief fit before single throws lead on: right models come to their end in 4 to 7.
+FIRST_PASSES = 8
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
 # Relative change of the noise beyond which the fit is repeated with it [-].
@@ -308,7 +310,8 @@ def fit(
     near : Fit, optional
         A rough fit that ended at the values: its movements' own values are gone on with.
     refined : bool
-        Whether a fit that is not rough ends with shorter steps of the solver.
+        Whether a fit that is not rough ends with shorter steps of the solver; one that does not is
+        given up where it still misses too much after `MAX_STEPS`.
 
     Returns
     -------
@@ -343,7 +346,7 @@ def fit(
     with suppress(SolverError):
         slopes = misfit.local_near(values, [item.name for item in parameters], near.local)
         found = replace(found, local=slopes)
-    found = smooth_end(found, first)
+    found = smooth_end(found, first, most=FIRST_PASSES)
     if found.converged:
         return found
     # What is further off than planes lead, single throws may come to.
@@ -372,18 +375,21 @@ def _by_single_throws(
             misfit = replace(misfit, refinement=())
         elif not misfit.refinement:
             misfit = misfit.refined(values)
-        found = _least_squares(misfit, parameters, values, rough=False, local=local)
+        limit = STEP_LIMIT if refined else MAX_STEPS
+        found = _least_squares(misfit, parameters, values, rough=False, local=local, limit=limit)
         iterations += found.iterations
         values, local = found.values, found.local
         misfit = reestimate_noise(found, first)
         if number > 0 and (poor or same_noise(found.misfit, misfit)):
+            break
+        if not refined and is_poor(misfit):
             break
     found = replace(found, iterations=iterations)
     return smooth_end(found, first) if refined and not poor else found
 
 
 @one_blas_thread()
-def smooth_end(found: Fit, first: Misfit) -> Fit:
+def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
     """Go on with a fit from where it ended, by means over throws on all sides.
 
     Near its end single throws decide nothing: the cost is rough, and steps that would lower it are
@@ -395,6 +401,8 @@ def smooth_end(found: Fit, first: Misfit) -> Fit:
         Near its end.
     first : Misfit
         As of `reestimate_noise`.
+    most : int, optional
+        Planes at most, default `SMOOTH_PASSES`.
 
     Returns
     -------
@@ -404,7 +412,7 @@ def smooth_end(found: Fit, first: Misfit) -> Fit:
     names, misfit, values = [p.name for p in found.parameters], found.misfit, found.values
     known, J = found.local, found.jacobian
     thrown = dict[int, Thrown]()
-    for number in range(1, SMOOTH_PASSES + 1):
+    for number in range(1, 1 + (SMOOTH_PASSES if most is None else most)):
         try:
             wide = reaches_of(found.parameters, J, misfit.comparison.scatter)
             local = misfit.smoothed(values, names, thrown, wide, known)
@@ -519,6 +527,7 @@ def _least_squares(
     rough: bool,
     local: Linearisation | None = None,
     brief: int | None = None,
+    limit: int = STEP_LIMIT,
 ) -> Fit:
     """Levenberg-Marquardt within bounds, in one state of noise and scatter."""
     names = [item.name for item in parameters]
@@ -553,7 +562,7 @@ def _least_squares(
             if np.isfinite(trial_cost) and trial_cost < cost:
                 damping, accepted, misfit = 0.1 * damping, True, trial_misfit
                 if not rough and brief is None:
-                    max_steps = max(max_steps, _extended(iterations, cost, trial_cost))
+                    max_steps = max(max_steps, min(iterations + _further(cost, trial_cost), limit))
                 break
             damping, rejected = max(10.0 * damping, 1e-3), rejected + 1
             if np.abs(step).max() < 10 * MIN_STEP:
@@ -582,10 +591,10 @@ def _least_squares(
     )
 
 
-def _extended(iterations: int, cost: float, trial_cost: float) -> int:
-    """Return how many steps a fit may take that goes on as long as each is worth it."""
+def _further(cost: float, trial_cost: float) -> int:
+    """Return how many steps a fit may go on for after one: some as long as each is worth it."""
     worth = max(EXTENDING_DECREASE, EXTENDING_SHARE * trial_cost)
-    return min(iterations + EXTRA_STEPS, STEP_LIMIT) if cost - trial_cost > worth else 0
+    return EXTRA_STEPS if cost - trial_cost > worth else 0
 
 
 def _local_at(
