@@ -27,6 +27,7 @@ from turnout.machine.compute.induction import note_saturation
 from turnout.machine.compute.motor import (
     ITERATIONS,
     ROUNDING,
+    MotorStage,
     add_electrical_energy,
     fill_currents,
     into_field,
@@ -135,19 +136,14 @@ def load_factor(constants: Floats, state: Floats, force: float, sign: float) -> 
 
 @compiled_part
 def _fill(
-    constants: Floats,
-    state: Floats,
-    g: float,
-    base: Floats,
-    stage: Floats,
-    solution: tuple[float, float, float, float, float],
+    motor: MotorStage, stage: Floats, solution: tuple[float, float, float, float, float]
 ) -> None:
     """Write the solution of a stage."""
     i, w1, w2, x, force = solution
     stage[at.CURRENT], stage[at.SPEED], stage[at.GEAR_SPEED] = i, w1, w2
-    stage[at.GEAR_ANGLE] = base[at.GEAR_ANGLE] + g * w2
+    stage[at.GEAR_ANGLE] = motor.base[at.GEAR_ANGLE] + motor.g * w2
     stage[at.ROD_POSITION], stage[at.ROD_FORCE] = x, force
-    fill_currents(constants, state, g, base, stage, w1)
+    fill_currents(motor, stage, w1)
 
 
 @compiled_part
@@ -178,7 +174,6 @@ def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, sta
         CONVERGED or NOT_CONVERGED.
     """
     constants, base = machine.constants, machine.work[BASE]
-    hand = hand_speed(constants, state, end)
     free, compliance = rail_at(machine.rail, end)
     inertia, bar = constants[at.GEAR_INERTIA] / g, state[at.BAR_TORQUE]
     w1 = stage[at.SPEED]
@@ -186,11 +181,10 @@ def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, sta
     sign = math.copysign(1.0, w2)
     stands, checked = w2 == 0.0, False
     curve = stage_curve(constants, state, g, base)
+    motor = MotorStage(constants, state, g, base, curve, hand_speed(constants, state, end))
     low, high = -math.inf, math.inf
     for _ in range(2 * ITERATIONS):
-        w1, i, clutch, clutch_slope, follows = motor_side(
-            constants, state, g, base, curve, hand, w1, w2
-        )
+        w1, i, clutch, clutch_slope, follows = motor_side(motor, w1, w2)
         x, dx, ddx = rod_position(constants, machine.table, base[at.GEAR_ANGLE] + g * w2)
         force, force_slope = rail_side(constants, free, compliance, x)
         load = dx * force
@@ -226,7 +220,7 @@ def solve_stage(machine: MachineArrays, state: Floats, g: float, end: float, sta
                 stands, w2 = True, 0.0
                 continue
         if settled:
-            _fill(constants, state, g, base, stage, (i, w1, w2, x, force))
+            _fill(motor, stage, (i, w1, w2, x, force))
             stage[at.TWIST] = clutch / constants[at.CLUTCH_STIFFNESS]
             return at.CONVERGED
     return at.NOT_CONVERGED

@@ -14,6 +14,7 @@ A motor has one of the circuits below, with brushes here or with three phases in
 """
 
 import math
+from typing import NamedTuple
 
 from turnout.kernels.compiled import compiled_part
 from turnout.law.table import Floats
@@ -39,6 +40,31 @@ ROUNDING = 4e-14
 UNSOLVED = 1e-9
 """The same where a bracket has closed without a solution."""
 Curve = tuple[float, float, float, float, float]
+
+
+class MotorStage(NamedTuple):
+    """All that the motor side of a stage follows from beside the speeds.
+
+    Attributes
+    ----------
+    constants, state : ndarray
+        Rows of the machine; of the state only circuit, clutch level and hand are read.
+    g : float
+        Length of the stage [s].
+    base : ndarray
+        What the earlier stages leave of the integrated states.
+    curve : tuple of float
+        Of an induction motor's torque, see `turnout.machine.compute.induction.torque_curve`.
+    hand : float
+        Speed of the hand at the crank at the end of the stage [rad/s].
+    """
+
+    constants: Floats
+    state: Floats
+    g: float
+    base: Floats
+    curve: Curve
+    hand: float
 
 
 @compiled_part
@@ -80,46 +106,28 @@ def stage_curve(constants: Floats, state: Floats, g: float, base: Floats) -> Cur
 
 
 @compiled_part
-def motor_torque(
-    constants: Floats,
-    state: Floats,
-    g: float,
-    base: Floats,
-    curve: Curve,
-    w1: float,
-) -> tuple[float, float, float]:
-    """Return current, torque and slope of the torque at a motor speed.
-
-    Parameters
-    ----------
-    constants, state : ndarray
-        Rows of the machine; of the state only the circuit is read.
-    g : float
-        Length of the stage [s].
-    base : ndarray
-        What the earlier stages leave: of the current i* [A], or of the fluxes.
-    curve : tuple of float
-        Of an induction motor, see `turnout.machine.compute.induction.torque_curve`.
-    w1 : float
-        [rad/s].
+def motor_torque(motor: MotorStage, w1: float) -> tuple[float, float, float]:
+    """Return current, torque and slope of the torque at a motor speed [rad/s].
 
     Notes
     -----
+    With i* of the current from the earlier stages,
     L (i - i*)/g + R i + u_b + e = U with u_b in V_b Sgn(i); R includes what a brush of poor contact
     adds. A permanent magnet has e = k w1, T = k i; a series motor p = K i/(1 + |i|/i_s),
     e = d p w1, T = d p i, and a quadratic for |i| with exactly one positive root. Their torque
     never rises with w1; that of an induction motor does below breakdown, by far less than J_1/g.
     The current of an induction motor is not needed here; 0 stands for it.
     """
+    constants, state, g = motor.constants, motor.state, motor.g
     if state[at.ARMATURE_OPEN] > 0.0:
         return 0.0, 0.0, 0.0
     if is_three_phase(constants):
         if state[at.PHASE_LOST] > 0.0:
             _, torque, slope, _ = lost_phase_circuit(constants, state, w1)
         else:
-            torque, slope = curve_torque(constants, state, curve, w1)
+            torque, slope = curve_torque(constants, state, motor.curve, w1)
         return 0.0, torque, slope
-    current = base[at.CURRENT]
+    current = motor.base[at.CURRENT]
     k, drop = constants[at.MOTOR_CONSTANT], constants[at.BRUSH_DROP]
     r = constants[at.INDUCTANCE] / g + state[at.CIRCUIT_RESISTANCE] + state[at.BRUSH_RESISTANCE]
     q = net_voltage(state) + constants[at.INDUCTANCE] / g * current
@@ -149,16 +157,15 @@ def motor_torque(
 
 
 @compiled_part
-def fill_currents(
-    constants: Floats, state: Floats, g: float, base: Floats, stage: Floats, w1: float
-) -> None:
+def fill_currents(motor: MotorStage, stage: Floats, w1: float) -> None:
     """Write the current, and fluxes, of a stage of an induction motor."""
+    constants, state = motor.constants, motor.state
     if not is_three_phase(constants) or state[at.ARMATURE_OPEN] > 0.0:
         return
     if state[at.PHASE_LOST] > 0.0:
         stage[at.CURRENT] = lost_phase_circuit(constants, state, w1)[0]
     else:
-        fill_fluxes(constants, state, g, base, stage, w1)
+        fill_fluxes(constants, state, motor.g, motor.base, stage, w1)
 
 
 @compiled_part
@@ -232,17 +239,11 @@ def next_guess(
 
 @compiled_part
 def _residual(
-    constants: Floats,
-    state: Floats,
-    g: float,
-    base: Floats,
-    curve: Curve,
-    hand: float,
-    w1: float,
-    w2: float,
+    motor: MotorStage, w1: float, w2: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return residual, slope and scale at w1 without t_0; clutch torque, its slope and current."""
-    i, torque, torque_slope = motor_torque(constants, state, g, base, curve, w1)
+    constants, state, g, base, _, hand = motor
+    i, torque, torque_slope = motor_torque(motor, w1)
     clutch, clutch_slope = clutch_torque(constants, state, g, base[at.TWIST], w1 - w2)
     inertia = constants[at.MOTOR_INERTIA] / g
     gain = constants[at.HAND_GAIN] * state[at.HAND_ON]
@@ -255,25 +256,13 @@ def _residual(
 
 @compiled_part
 def motor_side(
-    constants: Floats,
-    state: Floats,
-    g: float,
-    base: Floats,
-    curve: Curve,
-    hand: float,
-    start: float,
-    w2: float,
+    motor: MotorStage, start: float, w2: float
 ) -> tuple[float, float, float, float, float]:
     """Return motor speed, current, clutch torque, and how torque and speed follow the gear's speed.
 
     Parameters
     ----------
-    base : ndarray
-        What the earlier stages leave of the integrated states.
-    curve : tuple of float
-        Of an induction motor's torque in this stage.
-    hand : float
-        Speed of the hand at the crank at the end of the stage [rad/s].
+    motor : MotorStage
     start : float
         First guess of the motor speed.
     w2 : float
@@ -284,15 +273,13 @@ def motor_side(
     tuple of float
         The current is NaN where the iteration did not end, and 0 of an induction motor.
     """
-    still = state[at.STILL_TORQUE]
+    still = motor.state[at.STILL_TORQUE]
     w1, sign = start, math.copysign(1.0, start)
     stands, checked = start == 0.0, False
     low, high = -math.inf, math.inf
     for _ in range(ITERATIONS):
         tried = 0.0 if stands else w1
-        f, slope, scale, clutch, clutch_slope, i = _residual(
-            constants, state, g, base, curve, hand, tried, w2
-        )
+        f, slope, scale, clutch, clutch_slope, i = _residual(motor, tried, w2)
         if stands:
             if abs(f) <= still:
                 return 0.0, i, clutch, -clutch_slope, 0.0
@@ -309,7 +296,7 @@ def motor_side(
             if not settled:
                 w1 = new
                 continue
-            if is_three_phase(constants) and not abs(f) <= UNSOLVED * (scale + still):
+            if is_three_phase(motor.constants) and not abs(f) <= UNSOLVED * (scale + still):
                 break  # torque rises faster than the inertia's J1/g: the step is too long
         if checked or w1 * sign >= 0.0:
             follows = clutch_slope / slope
