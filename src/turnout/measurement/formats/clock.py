@@ -412,10 +412,11 @@ class StatedClock:
     def read_unit(self, key: str, values: Sequence[str]) -> bool:
         """Take the unit of times from a key and its values; return False if it is none."""
         name = squeezed(key.rsplit("/", 1)[-1])
-        if _TIME_UNIT.fullmatch(name) and len({*values}) == 1 and is_time_unit(values[0].strip()):
+        if not _TIME_UNIT.fullmatch(name):
+            return False
+        if len({*values}) == 1 and is_time_unit(values[0].strip()):
             self.unit = values[0].strip()
-            return True
-        return False
+        return True
 
     def rate(self) -> tuple[float, ...] | None:
         """Return the rates [1/s], one or one a column; None if none is stated.

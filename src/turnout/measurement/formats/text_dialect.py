@@ -61,7 +61,6 @@ _UNITS = re.compile(
     r"units?|vertunits?|verticalunits?|vunits?|yunits?|yunitlabel|channelunits?|einheit(?:en)?|"
     r"enhet|unitname"
 )
-_TIME_UNITS = re.compile(r"(?:horizontal|horz|h|x|time)units?")
 _PARTED = re.compile(r"\s*([^;,\t]{2,60}?)\s*[;,\t]\s*(.*\S)\s*")
 SHORT, LONG = "\0", "\1"
 """In place of the name that a row lacks, wherever it belongs; and of a row with one too many."""
@@ -332,7 +331,7 @@ def _labelled(
     if len(cells) >= width - 1 + beside and _UNITS.fullmatch(key):
         found.units = _padded([tidy_unit(text) for text in values], width)
         return True
-    if _TIME_UNITS.fullmatch(key) or found.stated.read_unit(label, values):
+    if found.stated.read_unit(label, values):
         return True
     name, unit = split_unit(label)
     values = [value for value in values if value]
