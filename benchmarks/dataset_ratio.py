@@ -1,6 +1,6 @@
 """Compare a throw with its dataset, with a friction curve, and with another checkout.
 
-    python -m benchmarks.dataset_ratio [--older FOLDER] [--count 9]
+    python -m benchmarks.dataset_ratio [--older FOLDER] [--count 9] [--rounds 3]
     python -m benchmarks.dataset_ratio --older FOLDER --instructions
 
 Printed are medians and least values of runs in turn, in milliseconds of the process, and ratios of
@@ -8,7 +8,8 @@ the least to those of a plain solution, with a 13 mm object on the default panel
 throw as `simulate` returns it, its solution included. The curve is that of sound chairs
 (`chair.friction_state`); its dataset is compared with a plain one. With `--older` the sources of
 another checkout run in turns with these, each in processes of its own, and the ratio to it is of
-the same without a curve.
+the same without a curve: the mean over the rounds of the ratio of the least times, with its 95 %
+interval.
 """
 
 import argparse
@@ -54,12 +55,12 @@ def measured(count: int) -> Times:
             parts["curve dataset"] = partial(
                 simulate, curved, foreign_object=foreign, scheme=scheme
             )
-        for number in range(count + 1):
-            for name, part in parts.items():
+        for name, part in parts.items():
+            part()
+            for _ in range(count):
                 begun = time.process_time()
                 part()
-                if number > 0:
-                    found[f"{mode} {name}"].append(1e3 * (time.process_time() - begun))
+                found[f"{mode} {name}"].append(1e3 * (time.process_time() - begun))
     return found
 
 
@@ -154,6 +155,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--older", type=Path, help="another checkout")
     parser.add_argument("--count", type=int, default=9, help="runs of each in a process")
+    parser.add_argument("--rounds", type=int, default=3, help="processes of each checkout")
     parser.add_argument("--instructions", action="store_true", help="count them, by Valgrind")
     parser.add_argument("--print-times", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--run-counted", action="store_true", help=argparse.SUPPRESS)
@@ -169,10 +171,12 @@ def main() -> None:
         print_instructions(checkouts, given.count)
         return
     found: dict[str, Times] = {name: defaultdict(list) for name in checkouts}
-    for _ in range(3):
-        for name, checkout in checkouts.items():
-            for what, times in measured_in(checkout, given.count).items():
+    least: dict[str, Times] = {name: defaultdict(list) for name in checkouts}
+    for number in range(given.rounds):
+        for name in list(checkouts)[:: 1 if number % 2 else -1]:
+            for what, times in measured_in(checkouts[name], given.count).items():
                 found[name][what] += times
+                least[name][what].append(min(times))
     for name, by_part in found.items():
         for what, times in by_part.items():
             mode, kind = what.split()[0], what.split()[-1]
@@ -180,8 +184,10 @@ def main() -> None:
             line = f"{name:<6}{what:<24}{statistics.median(times):7.2f} ms, least {min(times):6.2f}"
             line += f", {min(times) / min(by_part[plain]):.3f} of the plain {plain.split()[-1]}"
             if "older" in found and name == "this":
-                own = f"{mode} {kind}"
-                line += f", {min(times) / min(found['older'][own]):.3f} of the older plain {kind}"
+                pairs = zip(least["this"][what], least["older"][f"{mode} {kind}"], strict=True)
+                ratios = [own / other for own, other in pairs]
+                error = 1.96 * statistics.stdev(ratios) / len(ratios) ** 0.5
+                line += f", {statistics.mean(ratios):.3f} +- {error:.3f} of the older plain {kind}"
             print(line)
 
 
