@@ -293,8 +293,11 @@ class MachineHistory:
         """Add the machines to residual and scale of the rails' balance [J]."""
         if not self.time.size:
             return residual, scale
+        taken = (
+            self.booked[:, :, at.ENERGIES + at.SUPPLY] + self.booked[:, :, at.ENERGIES + at.HAND]
+        )
         worst = sum_machines(np.abs(self.residual)).max()
-        turned_over = sum_machines(np.abs(self.sums(at.SUPPLY, at.HAND))).max()
+        turned_over = sum_machines(np.abs(taken)).max()
         return residual + float(worst), scale + float(turned_over)
 
 

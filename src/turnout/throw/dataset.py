@@ -134,13 +134,12 @@ def response_channels(
     dict of str to (dims, ndarray)
         By the names of the schema, in SI.
     """
-    panel = as_thrown(panel, history)
+    moved, panel = moved_throws(panel, history), as_thrown(panel, history)
     motion = recover_motion(mechanism, history)
     arrays = channel_rows(panel, mechanism, motion, save)
     channels = drive_channels(panel, arrays["drive_force"], history.inputs)
     machine_slips(history, np.asarray(channels["drive_slipping"][1]))
     channels |= machine_signals(panel, history) | machine_labels(panel, history)
-    moved = moved_throws(panel, history)
     if "object" in arrays:
         channels |= object_channels(mechanism.index, arrays["object"])
     channels |= {name: (dims, arrays[name]) for name, dims in _AS_WRITTEN.items() if name in arrays}
@@ -255,7 +254,7 @@ def describe_run(
     )
     return {
         **inputs,
-        "movements": movement_records(moved_throws(as_thrown(panel, history), history)),
+        "movements": movement_records(moved_throws(panel, history)),
         **({"machine_throws": duty_records(panel, made, end)} if made else {}),
         **({"schedule_waits": json.dumps(waits)} if any(waits) else {}),
         **rules,

@@ -5,8 +5,8 @@ Rows of drives that are markers are NaN, and none of these channels is made wher
 
 import functools
 import json
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
@@ -58,45 +58,54 @@ AnyPanel = TypeVar("AnyPanel", bound=Panel)
 
 def as_thrown(panel: AnyPanel, history: History) -> AnyPanel:
     """Return a panel with the schedule that its run came to have, as it waited for machines."""
-    waited = [item.length for item in history.machines.pauses] if history.machines else []
-    if not any(waited):
+    late = _lateness(panel, history)
+    if not any(late):
         return panel
-    late = {name: sum(waited[:at]) for at, (name, _) in enumerate(ordered_movements(panel))}
     moved = {
-        name: movement.model_copy(update={"start": movement.start + late[name]})
-        for name, movement in panel.movement.items()
+        name: panel.movement[name].model_copy(update={"start": panel.movement[name].start + by})
+        for (name, _), by in zip(ordered_movements(panel), late, strict=False)
     }
-    end = {"end": panel.schedule.end + sum(waited)}
-    schedule = panel.schedule.model_copy(update=end)
-    return panel.model_copy(update={"movement": moved, "schedule": schedule})
+    movement = {name: moved[name] for name in panel.movement}
+    schedule = panel.schedule.model_copy(update={"end": panel.schedule.end + late[-1]})
+    return panel.model_copy(update={"movement": movement, "schedule": schedule})
+
+
+def _lateness(panel: Panel, history: History) -> list[float]:
+    """Return by how much each movement was late, and the end, as they waited for machines [s]."""
+    waited = [item.length for item in history.machines.pauses] if history.machines else []
+    return [sum(waited[:number]) for number in range(len(panel.movement))] + [sum(waited)]
 
 
 def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]:
-    """Return the movements with the times at which their last drive came to rest.
+    """Return the movements as they were made, each until its last drive came to rest.
 
     Parameters
     ----------
     panel : Panel
-        From `as_thrown`.
+        With the schedule of the run, whose movements may have waited for machines.
     history : History
     """
     made = duties(history)
     if history.machines is None:
         return throws(panel)
+    late, planned = _lateness(panel, history), throws(panel)
+    end_of_all = max(panel.schedule.end + late[-1], *history.time[-1:].tolist())
     found = []
-    for throw in throws(panel):
-        movement = panel.movement[throw.name]
-        ends = []
+    for number, (throw, by) in enumerate(zip(planned, late, strict=False)):
+        movement, ends = panel.movement[throw.name], []
+        start, until = movement.start + by, math.inf
+        if number + 1 < len(planned):
+            until = planned[number + 1].start + late[number + 1]
         for name, drive in panel.drive.items():
             if drive.machine is None:
-                ends.append(movement.start + movement_time(movement, name))
+                ends.append(start + movement_time(movement, name))
                 continue
-            begins = movement.start + movement.extra_time.get(name, 0.0)
+            begins = start + movement.extra_time.get(name, 0.0)
             own = [d.rest for d in made if d.drive == name and abs(d.command - begins) < 1e-9]
-            ends.append(own[0] if own and not np.isnan(own[0]) else np.inf)
-        last = max(panel.schedule.end, float(history.time[-1]) if history.time.size else 0.0)
-        end, late = min(max(ends), throw.until, last + 1.0), max(ends) > throw.until
-        found.append(replace(throw, end=end, unfinished=late))
+            ends.append(own[0] if own and not math.isnan(own[0]) else math.inf)
+        last = max(ends)
+        end, unfinished = min(last, until, end_of_all + 1.0), last > until
+        found.append(DirectedMovement(throw.name, throw.to, start, end, until, unfinished))
     return tuple(found)
 
 
@@ -274,17 +283,21 @@ def machine_labels(panel: Panel, history: History) -> dict[str, Channel]:
     machines, names = history.machines, list(panel.drive)
     if machines is None:
         return {}
-    found = np.full((3, len(names), 2), np.nan)
-    currents = [np.abs(machine_current(machines, number)) for number in range(len(machines.names))]
-    for duty in machines.duties:
+    found, made = np.full((3, len(names), 2), np.nan), machines.duties
+    currents = [machine_current(machines, number) for number in range(len(machines.names))]
+    ends = [duty.off if math.isfinite(duty.off) else math.inf for duty in made]
+    times = [
+        (duty.on + INRUSH, max(off - FINAL_CURRENT_WINDOW, duty.on), off)
+        for duty, off in zip(made, ends, strict=True)
+    ]
+    bounds = np.searchsorted(machines.time, np.array(times).reshape(-1, 3)).tolist()
+    for duty, (*begins, end) in zip(made, bounds, strict=True):
         row = currents[machines.names.index(duty.drive)]
-        off = duty.off if np.isfinite(duty.off) else np.inf
-        last = max(off - FINAL_CURRENT_WINDOW, duty.on)
-        bounds = np.searchsorted(machines.time, [duty.on + INRUSH, last, off]).tolist()
-        means = [
-            row[begin : bounds[2]].mean() if bounds[2] > begin else np.nan for begin in bounds[:2]
-        ]
         place = names.index(duty.drive), int(duty.to == "closed")
+        means = [
+            np.add.reduce(np.abs(row[begin:end])) / (end - begin) if end > begin else np.nan
+            for begin in begins
+        ]
         found[(slice(None), *place)] = duty.off - duty.on, *means
     dims = ("drive", "direction")
     labels = zip(("throw_time", "mean_current", "end_current"), found, strict=True)

@@ -24,7 +24,7 @@ from turnout.throw.dataset import (
     response_channels,
 )
 from turnout.throw.drift import Drift, aged_objects, check_drift
-from turnout.throw.drives import as_thrown, duties, duty_records, moved_throws
+from turnout.throw.drives import duties, duty_records, moved_throws
 from turnout.throw.save import Save
 from turnout.throw.signals import Channel, has_broken
 from turnout.throw.simulate import Solved, as_objects, solve_placed
@@ -173,7 +173,7 @@ class _Series:
         self.coordinates.append(coordinates)
         self.kept.append({n: self._spread(v, present) for n, v in channels.items()})
         if (history := solved.history).machines is not None:
-            moved = movement_records(moved_throws(as_thrown(panel, history), history))
+            moved = movement_records(moved_throws(panel, history))
             end = float(history.time[-1])
             self.made.append((moved, duty_records(panel, duties(history), end)))
         self.sizes.append(_sizes(parts, self.names))

@@ -28,7 +28,6 @@ from turnout.study.sweep.throw_group import (
 )
 from turnout.throw.dataset import response_channels
 from turnout.throw.drives import (
-    as_thrown,
     duties,
     machine_labels,
     machine_signals,
@@ -106,7 +105,6 @@ def extract_signals(
         Recorder of kept forces and currents, and of their features.
     """
     mechanism, history = solved.mechanism, solved.history
-    given, panel = panel, as_thrown(panel, history)
     motion, moved = recover_motion(mechanism, history), moved_throws(panel, history)
     labels = object_memory(mechanism, history) | machine_labels(panel, history)
     watched, kept = history.watched, Variables()
@@ -114,7 +112,7 @@ def extract_signals(
         kept = _kept_of_machines(study, panel, history, recorder)
     if watched is None:
         watched = _watched_of(study, panel, motion, mechanism)
-        kept |= _further_channels(study, given, solved, known={*kept, *STACKED_CHANNELS})
+        kept |= _further_channels(study, panel, solved, known={*kept, *STACKED_CHANNELS})
     return ThrowSignals(
         panel=panel,
         index=mechanism.index,
