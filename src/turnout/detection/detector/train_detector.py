@@ -150,7 +150,7 @@ def _trained(
             pace.plan(thresholds_after(history), count, like=LEARNED)
     folders = throw_plans(plans, folder, workers=processes, pace=pace)
     jobs = [partial(_read_set, name, plan, folders[name], setting) for name, plan in plans.items()]
-    read = dict(processes.run(jobs))
+    read = dict(processes.run(jobs, wait=pace.emit))
     sets = {name: read[number] for number, name in enumerate(plans)}
     about = {
         "panel": population.panel.name,

@@ -6,7 +6,7 @@ the movements whole. Other channels need the whole history.
 """
 
 import math
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +38,7 @@ from turnout.throw.drives import (
 from turnout.throw.gaps import gaps_over_time, watched_gaps
 from turnout.throw.lock_and_control import distance_ends
 from turnout.throw.recovery import Motion, recover_motion
-from turnout.throw.route import throws
+from turnout.throw.route import DirectedMovement, throws
 from turnout.throw.save import Save
 from turnout.throw.signals import Channel, object_memory
 from turnout.throw.simulate import Solved
@@ -64,13 +64,15 @@ def save_at_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], SaveAt
 
     def save_at(mechanism: Mechanism) -> SaveAt:
         laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
-        rests, taken = _rests(panel, mechanism)
+        rests, taken = _rests(throws(panel), mechanism)
         return SaveAt(laws, output_stride(study), ends, rests, count, seen, taken)
 
     return save_at
 
 
-def _rests(panel: LoadedPanel, mechanism: Mechanism) -> tuple[list[float], list[float]]:
+def _rests(
+    moved: Sequence[DirectedMovement], mechanism: Mechanism
+) -> tuple[list[float], list[float]]:
     """Return the times before which the switch may rest, and those of them that are certain [s].
 
     Onsets of the movements that follow others, which machines may postpone, and removals of
@@ -78,7 +80,7 @@ def _rests(panel: LoadedPanel, mechanism: Mechanism) -> tuple[list[float], list[
     """
     removals = mechanism.laws.disappears[list(mechanism.index.object.values())].tolist()
     taken = [time for time in removals if math.isfinite(time)]
-    onsets = {throw.until for throw in throws(panel) if math.isfinite(throw.until)}
+    onsets = {throw.until for throw in moved if math.isfinite(throw.until)}
     return sorted(onsets.union(taken)), taken
 
 
@@ -111,7 +113,7 @@ def extract_signals(
     if watched is None or {*study.output.channels} & {*OF_MACHINES}:
         kept = _kept_of_machines(study, panel, history, recorder)
     if watched is None:
-        watched = _watched_of(study, panel, motion, mechanism)
+        watched = _watched_of(study, panel, motion, mechanism, moved)
         kept |= _further_channels(study, panel, solved, known={*kept, *STACKED_CHANNELS})
     return ThrowSignals(
         panel=panel,
@@ -166,10 +168,16 @@ def _further_channels(
     return {name: (dims, single_precision(values)) for name, (dims, values) in made.items()}
 
 
-def _watched_of(study: Study, panel: LoadedPanel, motion: Motion, mechanism: Mechanism) -> Watched:
+def _watched_of(
+    study: Study,
+    panel: LoadedPanel,
+    motion: Motion,
+    mechanism: Mechanism,
+    moved: Sequence[DirectedMovement],
+) -> Watched:
     """Return the results of a watched throw from a whole history, gaps only if they are wanted."""
     history, laws = motion.history, watched_laws(panel, mechanism)
-    rests = rest_instants(history.time, _rests(panel, mechanism)[0])
+    rests = rest_instants(history.time, _rests(moved, mechanism)[0])
     gaps, resting = _recovered_gaps(study, panel, motion, rests)
     return Watched(
         time=history.time,

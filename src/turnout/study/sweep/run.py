@@ -169,7 +169,7 @@ def throw_studies(
         for sweep in sweeps:
             clear_leftovers(sweep.folder)
         cards = [partial(write_sweep_card, sweep.folder, sweep.digest) for sweep in sweeps]
-        for _ in (workers if todo else Workers(0)).run(cards):
+        for _ in (workers if todo else Workers(0)).run(cards, wait=pace.emit):
             pass
         results = [sweep.result for sweep in sweeps]
     return dict(zip(studies, results, strict=True))
