@@ -16,9 +16,10 @@ from turnout.kernels.shared_record import shared_record
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.rows import machine_room
+from turnout.machine.steady import shaft_travel
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.arrange import Grid
-from turnout.solver.rods import Rods
+from turnout.solver.rods import Rods, find_slips
 from turnout.solver.schedule import Pause, new_schedule, stop_rows
 from turnout.solver.state import Run, acquire_buffer
 
@@ -115,6 +116,11 @@ def _rest_after(
     return float(time[begin + standing[0]]) if standing.size else math.nan
 
 
+LEAST_SLIP = 1e-4
+"""Slip of a clutch on one command, as travel of the rod, that is overlooked: a lock that opens
+under load lets the rod throw the gear back by less than its backlash [m]."""
+SLIP_ROUNDING = 1e-6
+"""From one stored instant to the next [rad]."""
 MOST_EVENTS = 64
 """So many events of a machine are kept; a throw has five."""
 LONGEST_TRANSIENT = 2e-3
@@ -245,6 +251,22 @@ class MachineHistory:
                 states=self.states[:, number],
             )
         )
+
+    @cached_property
+    def slips(self) -> NDArray[np.bool_]:
+        """Slip of each clutch above the ignored amount, shape (n, n_times)."""
+        found = np.zeros((len(self.names), self.time.size), dtype=np.int64)
+        slip = np.ascontiguousarray(self.states[:, :, at.SLIP].T)
+        ons = np.full((len(self.names), MOST_EVENTS), np.inf)
+        for row, events in zip(ons, self.events, strict=True):
+            times = [time for time, text in events if text == "on"]
+            row[: len(times)] = times
+        travel = np.zeros(len(self.records))
+        for number in np.flatnonzero((slip != slip[:, :1]).any(axis=1)):
+            travel[number] = shaft_travel(self.records[number])
+        time = np.require(self.time, np.float64, ["C", "W"])
+        find_slips(time, slip, ons, travel, (SLIP_ROUNDING, LEAST_SLIP), found)
+        return found.astype(np.bool_)
 
     @cached_property
     def _energies(self) -> Floats:

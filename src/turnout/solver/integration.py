@@ -42,7 +42,7 @@ from turnout.solver.record import (
     trim_record,
     trim_watched,
 )
-from turnout.solver.rods import Rods, start_rods
+from turnout.solver.rods import Rods, find_slips, start_rods
 from turnout.solver.schedule import DUE, Pause, end_pause, pauses_until, schedule_time
 from turnout.solver.solve import equilibrium_residual
 from turnout.solver.start import (
@@ -378,10 +378,12 @@ def _compile_march(run: Run, state: State, rods: Rods | None, *, after_motion: b
         return
     loops: list[tuple[Callable[..., object], tuple[object, ...]]] = []
     if True in needed:
+        row, table = np.zeros(1), np.zeros((1, 1))
         loops = [
             (march_with_machines, (run, state, 0, 0, rods)),
             (start_rods, (run, state, rods)),
             (end_pause, (run, rods, 0)),
+            (find_slips, (row, table, table, row, (0.0, 0.0), np.zeros((1, 1), dtype=np.int64))),
         ]
     loops += [(march, (run, state, 0, 0, None))] if False in needed else []
     kernels = (equilibrium, settle, anchor_at_rest, equilibrium_residual)

@@ -314,3 +314,40 @@ def start_rods(run: Run, state: State, rods: Rods) -> None:
         rods.force[k] = force
         rods.state[k, at.ROD_FORCE] = -force
     store_rods(run, state, rods, run.positions[0], 0)
+
+
+@compiled
+def find_slips(
+    time: Floats,
+    slip: Floats,
+    ons: Floats,
+    travel: Floats,
+    overlooked: tuple[float, float],
+    found: Ints,
+) -> None:
+    """Flag the instants at which clutches slip.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n_times,)
+        [s].
+    slip : ndarray, shape (n, n_times)
+        By which each clutch has slipped [rad].
+    ons : ndarray, shape (n, n_ons)
+        When each contactor closed, rising, filled up with inf [s].
+    travel : ndarray, shape (n,)
+        Of each rod per angle of the shaft [m/rad].
+    overlooked : tuple of float
+        Slip from one instant to the next [rad], and of the rod since the contactor closed [m].
+    found : ndarray of int, shape (n, n_times)
+        Written: 1 or 0.
+    """
+    step, least = overlooked
+    for k in range(slip.shape[0]):
+        own, number, before = slip[k], 0, 0.0
+        for i in range(time.size):
+            while number < ons.shape[1] and ons[k, number] <= time[i]:
+                before = own[i] if ons[k, number] == time[i] else own[max(i - 1, 0)]
+                number += 1
+            moves = i > 0 and abs(own[i] - own[i - 1]) > step
+            found[k, i] = 1 if moves and abs(own[i] - before) * travel[k] > least else 0

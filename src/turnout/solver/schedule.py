@@ -53,10 +53,10 @@ def schedule_time(time: Floats, pauses: Sequence[Pause]) -> Floats:
 
 def pauses_until(run: Run, rods: Rods, done: int) -> tuple[Pause, ...]:
     """Return a pause for each stop up to that which a run to a step has come to or was going to."""
-    if rods.schedule[PHASE] in (WAITS, RESTS):  # it has ended early
+    number, phase, *_ = rods.schedule.tolist()
+    if phase in (WAITS, RESTS):  # it has ended early
         end_pause(run, rods, done)
-    count = int(rods.schedule[NUMBER]) + 1
-    return tuple(Pause(begin, length) for begin, length in rods.pauses[:count].tolist())
+    return tuple(Pause(*pause) for pause in rods.pauses[: number + 1].tolist())
 
 
 @compiled_part

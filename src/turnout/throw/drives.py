@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Sequence
 from typing import TypeVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from turnout.machine.components import Machine
 from turnout.machine.compute import places as at
 from turnout.machine.motor_kind import nominal_voltage
-from turnout.machine.steady import clutch_force, shaft_travel, steady_point, torque_for
+from turnout.machine.steady import clutch_force, steady_point, torque_for
 from turnout.panel.markers import movement_time, ordered_movements
 from turnout.panel.model import Panel
 from turnout.solver.driven import Duty, MachineHistory, sum_machines
@@ -28,17 +27,10 @@ Floats = NDArray[np.float64]
 
 OFF, ON, SLIPS, HELD = range(4)
 """Values of `drive_state`."""
-LEAST_SLIP = 1e-4
-"""Slip of a clutch on one command, as travel of the rod, that is overlooked: a lock that opens
-under load lets the rod throw the gear back by less than its backlash [m]."""
 INRUSH = 0.3
 """After the contactor, when the inrush is over [s]."""
 FINAL_CURRENT_WINDOW = 0.1
 """Before the cut-off, over which the last current is averaged [s]."""
-SLIP_ROUNDING = 1e-6
-"""From one stored instant to the next [rad]."""
-_slips: WeakKeyDictionary[MachineHistory, NDArray[np.bool_]] = WeakKeyDictionary()
-"""Slips of histories that are in use: states and labels both ask for them."""
 _ENERGIES = {
     "energy_copper": ("copper", "field"),
     "energy_line": ("line",),
@@ -220,26 +212,6 @@ def machine_current(machines: MachineHistory, number: int) -> Floats:
     return lead
 
 
-def _clutch_slips(machines: MachineHistory) -> NDArray[np.bool_]:
-    """Flag the slip of each clutch above the ignored amount, shape (n, n_times)."""
-    known = _slips.get(machines)
-    return known if known is not None else _slips.setdefault(machines, _found_slips(machines))
-
-
-def _found_slips(machines: MachineHistory) -> NDArray[np.bool_]:
-    slips = machines.states[:, :, at.SLIP]
-    found = np.zeros((len(machines.names), machines.time.size), dtype=np.bool_)
-    np.greater(np.abs(np.diff(slips, axis=0)), SLIP_ROUNDING, out=found[:, 1:].T)
-    for number in np.flatnonzero(found.any(axis=1)):
-        slip, travel = slips[:, number], shaft_travel(machines.records[number])
-        ons = [time for time, text in machines.events[number] if text == "on"]
-        first = np.maximum(np.searchsorted(machines.time, ons, side="right") - 1, 0)
-        begun = np.searchsorted(ons, machines.time, side="right") - 1
-        before = np.where(begun >= 0, slip[first[begun]] if ons else 0.0, 0.0)
-        found[number] &= np.abs(slip - before) * travel > LEAST_SLIP
-    return found
-
-
 def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
     """Put the clutches in the place of saturation forces, if drives are machines.
 
@@ -254,7 +226,7 @@ def machine_slips(history: History, flags: NDArray[np.bool_]) -> None:
     machines = history.machines
     if machines is None:
         return
-    flags[machines.inputs] = _clutch_slips(machines)
+    flags[machines.inputs] = machines.slips
     rows = dict(zip(machines.names, machines.inputs, strict=True))
     made = duties(history)
     for duty in made:
@@ -269,7 +241,7 @@ def _states(panel: Panel, machines: MachineHistory) -> Channel:
     state = machines.states
     value = np.where(state[:, :, at.ENERGISED] > 0.0, ON, OFF)
     value = np.where((state[:, :, at.LOCKED] > 0.0) & (value == OFF), HELD, value)
-    value[_clutch_slips(machines).T & (value == ON)] = SLIPS
+    value[machines.slips.T & (value == ON)] = SLIPS
     found = np.full((len(panel.drive), value.shape[0]), -1, dtype=np.int64)
     found[machines.inputs] = value.T
     return ("drive", "time"), found
