@@ -74,3 +74,36 @@ def test_a_kind_that_is_still_to_come_takes_as_many_times_longer_as_planned(
     now[0] = 70.0
     pace.count("thresholds", cost=60.0)
     assert pace.progress().left == pytest.approx(10.0 + 3 * 60.0)
+
+
+def test_first_batches_state_the_whole_time_of_several_kinds(now: list[float]) -> None:
+    """One batch of each kind first; a rare kind takes long, thresholds as planned, each process 1 s
+    before its first batch."""
+    kinds = {"sound": (4000, 128, 0.010), "loose": (400, 32, 0.060), "clutch": (400, 32, 0.010)}
+    told, learned, like = list[Progress](), 320, 50.0
+    pace = Pace(told.append)
+    pace.plan("thresholds", learned, like=like)
+    for kind, (throws, _, _) in kinds.items():
+        pace.begin(kind, throws, at_once=WORKERS)
+    first = [(kind, size, cost * size) for kind, (_, size, cost) in kinds.items()]
+    rest = [
+        batch
+        for batch, (throws, size, _) in zip(first, kinds.values(), strict=True)
+        for _ in range(throws // size - 1)
+    ]
+    mean = sum(throws * cost for throws, _, cost in kinds.values()) / 4800
+    rest += [("thresholds", learned // 8, learned // 8 * 55.0 * mean)] * 8
+    free, ends, fresh = [(START, 0), (START, 1)], list[float](), {0, 1}
+    under_way: list[tuple[float, str, int, float, float]] = []
+    for kind, size, usual in first + rest:
+        begin, worker = heapq.heappop(free)
+        cost = usual + (1.0 if worker in fresh else 0.0)
+        fresh.discard(worker)
+        heapq.heappush(free, (begin + cost, worker))
+        under_way.append((begin + cost, kind, size, cost, usual))
+    for now[0], kind, size, cost, usual in sorted(under_way):
+        pace.count(kind, size, cost=cost, usual=usual)
+        ends.append(now[0])
+    whole = [end + state.left - START for end, state in zip(ends, told, strict=True)]
+    stated = whole[len(kinds) - 1 : -8]  # but those of thresholds, which come at once
+    assert stated == pytest.approx([ends[-1] - START] * len(stated), rel=0.3)

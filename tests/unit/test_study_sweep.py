@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,8 +17,9 @@ from tests.unit.sweeps import batch_names, here, small_study, variables_of
 from turnout.calibration.load_study import load_study
 from turnout.core.errors import FileError
 from turnout.core.json_files import sealed_json
-from turnout.core.progress import Progress
+from turnout.core.progress import Pace, Progress
 from turnout.core.scheme import Scheme
+from turnout.core.workers import Job, T, Workers
 from turnout.metric.features import FEATURES, features
 from turnout.solver.outcome import Code, Outcome
 from turnout.study.scenario import Output
@@ -31,7 +32,7 @@ from turnout.study.sweep.batch_index import label_arrays, read_index
 from turnout.study.sweep.folder import lock_folder
 from turnout.study.sweep.labels import object_labels
 from turnout.study.sweep.read import open_batches, read_labels
-from turnout.study.sweep.run import throw_study
+from turnout.study.sweep.run import throw_studies, throw_study
 from turnout.throw.simulate import PlannedThrow, Solved, simulate, solve_planned
 from turnout.throw.slip import Span
 
@@ -377,6 +378,25 @@ def test_slips_with_and_without_an_object(
     labels = object_labels(together, touched)  # type: ignore[arg-type]
     for name, expected in zip(("slipped", "slipped_free"), found, strict=True):
         assert labels[name][1].tolist() == [False, expected, False]
+
+
+class WatchedWorkers(Workers):
+    """Workers in this process that keep what is called while nothing comes."""
+
+    waits: list[Callable[[], None] | None]
+
+    def run(
+        self, jobs: Sequence[Job[T]], *, wait: Callable[[], None] | None = None
+    ) -> Generator[tuple[int, T], None, None]:
+        self.waits.append(wait)
+        yield from super().run(jobs)
+
+
+def test_progress_goes_on_while_batches_and_cards_are_waited_for(tmp_path: Path) -> None:
+    workers, pace = WatchedWorkers(0), Pace()
+    workers.waits = []
+    throw_studies({tmp_path / "sweep": small_study(tmp_path, count=2)}, workers=workers, pace=pace)
+    assert workers.waits == [pace.emit, pace.emit]
 
 
 def test_a_worker_loads_only_what_it_needs(study: Study, whole: Path) -> None:

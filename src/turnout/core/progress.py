@@ -40,9 +40,11 @@ class Pace:
     """Counts throws of several kinds, and expects those left to take as long as others of theirs.
 
     One of a kind of which there is none yet is expected to take as long as one of those that are
-    known, or as many times longer as planned. The first
-    ones of each process, for which it reduces rails, take several times as long as others: usual is
-    the mean of the later half of what is known. The time until the first began does not count.
+    known, each kind by the number of its throws, or as many times longer as planned: one batch of a
+    rare kind that takes long does not stand for the rest. The first ones of each process, for which
+    it reduces rails, take several times as long as others: whoever counts them says what is usual,
+    and of a kind it is the mean of the later half of that. The time until the first began does not
+    count.
 
     Parameters
     ----------
@@ -52,11 +54,11 @@ class Pace:
 
     def __init__(self, report: Report | None = None) -> None:
         self._report = report
-        self._rest, self._later = Counter[str](), Counter[str]()
+        self._rest, self._later, self._all = Counter[str](), Counter[str](), Counter[str]()
         self._costs: dict[str, deque[float]] = {}
         self._like: dict[str, float] = {}
         self._there, self._made, self._failed = 0, 0, 0
-        self._work, self._alike = 0.0, 0.0
+        self._work, self._longest, self._at_once = 0.0, 0.0, 1
         self._stage = ""
         self._began = self._counted = time.monotonic()
 
@@ -75,14 +77,25 @@ class Pace:
         self._later[kind] = max(self._later[kind], throws)
         self._like[kind] = like
 
-    def begin(self, kind: str, throws: int, *, there: int = 0) -> None:
-        """Expect throws that are made now, of which some are there already."""
+    def begin(self, kind: str, throws: int, *, there: int = 0, at_once: int = 1) -> None:
+        """Expect throws that are made now, of which some are there already.
+
+        `at_once` is how many processes make them: what these are at is not counted yet.
+        """
+        self._at_once = max(self._at_once, at_once)
         self._later[kind] = max(0, self._later[kind] - throws)
         self._rest[kind] += throws - there
+        self._all[kind] += throws - there
         self._there += there
 
     def count(
-        self, kind: str, throws: int = 1, *, failed: int = 0, cost: float | None = None
+        self,
+        kind: str,
+        throws: int = 1,
+        *,
+        failed: int = 0,
+        cost: float | None = None,
+        usual: float | None = None,
     ) -> None:
         """Count throws that are done, and report.
 
@@ -94,6 +107,8 @@ class Pace:
             All of them, and those that failed.
         cost : float, optional
             Time that all of them took where they were made [s]; by default each takes as long.
+        usual : float, optional
+            Time that so many others of their kind may take; default `cost` [s].
         """
         self._counted = time.monotonic()
         if cost is None:
@@ -104,8 +119,9 @@ class Pace:
         self._made += throws
         self._failed += failed
         self._work += cost
-        self._alike += throws * self._like.get(kind, 1.0)
-        self._costs.setdefault(kind, deque(maxlen=RECENT)).append(cost / max(throws, 1))
+        self._longest = max(self._longest, cost)
+        usual = cost if usual is None else usual
+        self._costs.setdefault(kind, deque(maxlen=RECENT)).append(usual / max(throws, 1))
         self._stage = kind
         self.emit()
 
@@ -122,12 +138,18 @@ class Pace:
         left = 0.0 if not rest else float("inf")
         if rest and self._work:
             costs = {kind: _usual(found) for kind, found in self._costs.items()}
-            usual = self._work / self._alike
+            known = {kind: max(self._all[kind], 1) for kind in costs}
+            usual = sum(known[kind] * cost for kind, cost in costs.items())
+            usual /= sum(count * self._like.get(kind, 1.0) for kind, count in known.items())
             work = sum(
                 count * costs.get(kind, usual * self._like.get(kind, 1.0))
                 for kind, count in rest.items()
             )
-            whole = (self._counted - self._began) * work / self._work
+            spent = self._counted - self._began
+            under_way = (self._at_once - 1) * self._longest
+            whole = (
+                spent * work / min(self._work + under_way, max(self._at_once * spent, self._work))
+            )
             left = max(whole - (now - self._counted), 0.0)
         done = self._there + self._made
         total = done + rest.total()

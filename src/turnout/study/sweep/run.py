@@ -157,7 +157,8 @@ def throw_studies(
             compile_features()
         pace = pace or Pace(report)
         for sweep in sweeps:
-            pace.begin(sweep.folder.name, sweep.study.count, there=sweep.there)
+            expected, there = sweep.study.count, sweep.there
+            pace.begin(sweep.folder.name, expected, there=there, at_once=workers.count)
         pace.emit()
         # What processes of this machine write is waited for here, while they go on.
         jobs = [sweep.job(number, durable=not workers.local) for sweep, number in todo]
@@ -165,7 +166,8 @@ def throw_studies(
             for place, done in made:
                 sweep = todo[place][0]
                 sweep.record(done, durable=workers.local)
-                pace.count(sweep.folder.name, done.count, failed=done.failed, cost=done.wall_time)
+                kind, cost, usual = sweep.folder.name, done.wall_time, done.usual_time
+                pace.count(kind, done.count, failed=done.failed, cost=cost, usual=usual)
         for sweep in sweeps:
             clear_leftovers(sweep.folder)
         cards = [partial(write_sweep_card, sweep.folder, sweep.digest) for sweep in sweeps]

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from turnout.core.errors import FileError
 from turnout.core.provenance import version
 from turnout.core.sources import THROWS, digest_of_sources
@@ -35,6 +37,8 @@ MMAP_THRESHOLD, TRIM_THRESHOLD = 32 << 20, 1 << 30
 # So many more objects made than let go before the collector looks at them.
 GC_THRESHOLD = 50_000
 
+UNUSUAL = 3.0
+"""Times the median of a batch that a throw may take the solver before it counts as unusual."""
 MOST_FAULTS = 3
 """Scenarios without results of which a batch says why."""
 
@@ -62,6 +66,9 @@ class BatchDone:
         The same as processor time [s].
     build_time : float
         The part of the solver's time in which mechanisms were built [s].
+    usual_time : float
+        The time on the whole batch if no throw had taken the solver more than `UNUSUAL` times as
+        long as the median, as the first ones of a process do, which reduce rails [s].
     size : int
         Of the file [bytes].
     faults : tuple of str
@@ -77,6 +84,7 @@ class BatchDone:
     solver_processor: float
     processor: float
     build_time: float
+    usual_time: float
     size: int
     faults: tuple[str, ...] = ()
 
@@ -129,16 +137,18 @@ def make_batch(
         path = write_batch(place / BATCHES, number, content, durable=durable)
         wall_time, processor = time.perf_counter() - began, time.process_time() - used
     counts = {name: sum(row.outcome == name for row in rows) for name in OUTCOMES}
+    solver = [row.solver.wall for row in rows]
     return BatchDone(
         number=number,
         name=path.name,
         outcomes={name: n for name, n in counts.items() if n},
         retried=sum(row.attempts > 1 for row in rows),
-        solver_time=sum(row.solver.wall for row in rows),
+        solver_time=sum(solver),
         wall_time=wall_time,
         solver_processor=sum(row.solver.processor for row in rows),
         processor=processor,
         build_time=sum(row.solver.build for row in rows),
+        usual_time=wall_time - beyond_usual(solver),
         size=len(content),
         faults=tuple(
             f"scenario {row.scenario.index} ({row.scenario.name}): {row.reason}"
@@ -146,6 +156,18 @@ def make_batch(
             if row.outcome in UNUSABLE
         )[:MOST_FAULTS],
     )
+
+
+def beyond_usual(times: Sequence[float]) -> float:
+    """Return by how much some times that are unusual are beyond the median, together [s].
+
+    Examples
+    --------
+    >>> beyond_usual([1.0, 2.0, 2.0, 5.0, 30.0])
+    28.0
+    """
+    usual = float(np.median(times)) if times else 0.0
+    return sum(one - usual for one in times if one > UNUSUAL * usual)
 
 
 @cache
