@@ -88,7 +88,13 @@ def test_a_column_that_repeats_how_many_samples_were_left_out(tmp_path: Path) ->
         "every sample",
         "Page 1 of 3",
     ]
-    + ["Channel: 1 of 2", "Gear reduction 10", "Samples: 40", "Sampling: every 40 ms"],
+    + [
+        "DecimationLevel: 2",
+        "Channel: 1 of 2",
+        "Gear reduction 10",
+        "Samples: 40",
+        "Sampling: every 40 ms",
+    ],
 )
 def test_no_samples_were_left_out(tmp_path: Path, line: str) -> None:
     recording = read(tmp_path / "throw.csv", stated(f"Sample rate: 1000 Hz\n{line}"))
@@ -234,6 +240,12 @@ def test_times_in_multiples_of_a_unit(tmp_path: Path, unit: str, counts: int) ->
 def test_times_that_jump(tmp_path: Path, time: Callable[[int], str], words: str) -> None:
     with pytest.raises(FileError, match=words):
         read(tmp_path / "throw.csv", HEAD.replace(" (s)", "") + rows(time=time))
+
+
+def test_stamps_a_day_apart(tmp_path: Path) -> None:
+    text = HEAD.replace(" (s)", "") + rows(time=moment("%Y-%m-%d %H:%M:%S", step=86400.0))
+    force = read(tmp_path / "throw.csv", text).channel("Force")
+    assert force.rate == pytest.approx(1.0 / 86400.0)
 
 
 def test_a_clock_of_twelve_hours_without_am(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ _REDUCED = re.compile(
     rf"second|third|\w+th|\w+te[rnsm]?|\w+nde) (?:(?:stored|saved|recorded|raw) )?{_ROWS}\b.*|"
     r"(?!.*\b(?:not|nicht)\b).*\b(?:decimated|(?:down|sub) ?sampled|dezimiert)|"
     rf"(?:.*\b)?(?:every|jede[rns]?) {_NTH}(?: stored| saved| \d+)?|"
-    r"(?:(?:data|samples?|sampling|storage|rate|clock|scan) )?(?:decimat\w+|dezim\w+|"
+    r"(?:(?:data|samples?|sampling|storage|rate|clock|scan) )?(?:decimat(?:ion|ed|e)|dezim\w+|"
     r"(?:down|under|sub) ?sampl\w+|unterabtastung|reduction|reduced|divider|divisor|teiler|stride)"
     r"(?: (?:factor|ratio|rate|faktor|by))* (?:1 ?[:/] ?)?(?!1(?:\.0*)?\Z)[1-9]\d*(?:\.0*)? ?x?"
     rf"(?: {_ROWS})?|"

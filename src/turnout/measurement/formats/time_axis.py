@@ -459,7 +459,7 @@ def _unwrapped(seconds: Floats, begin: float | None, *, zoned: bool, wrap: float
     typical = float(np.median(rising)) if rising.size else 1.0
     again = np.zeros(steps.size)
     again[(steps < -wrap / 2) & (steps >= -wrap)] = wrap
-    half = (steps >= -12 * HOUR - 1e-6) & (steps <= 2 * typical - 12 * HOUR)
+    half = (steps >= -12 * HOUR - 1e-6) & (steps <= min(2 * typical - 12 * HOUR, -1.0))
     again[half] = 12 * HOUR  # 12:59 to 1:00
     twice = (steps >= -HOUR - 1e-6) & (steps <= 2 * typical - HOUR) & (again == 0)
     # Summer time begins at two in the morning.
