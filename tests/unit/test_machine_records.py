@@ -133,7 +133,7 @@ def test_angle_and_position_are_inverse(name: str) -> None:
     machine = load_machines(name).machine[name]
     row, table = machine_row(machine), stroke_table(machine.stroke)
     for x in (-0.1, -0.05, -0.01):
-        assert rod_position(row, table, angle_at(machine, x))[0] == pytest.approx(x, abs=1e-12)
+        assert rod_position(row, table, angle_at(machine, row, x))[0] == pytest.approx(x, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["screw", "crank", "table"])

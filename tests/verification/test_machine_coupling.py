@@ -13,7 +13,6 @@ import pytest
 from turnout.machine.compute import places as at
 from turnout.machine.compute.couple import Machines, accept_machines, try_machines
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor_kind import line_power
 from turnout.machine.rows import command_rows, machine_room, machine_row, start_state, stroke_table
 from turnout.throw.machine import throw_one_mass
 
@@ -221,7 +220,7 @@ def test_two_induction_motors_on_one_supply(transient: bool) -> None:
     assert both[-1, 0, at.CURRENT] == pytest.approx(alone[-1, 0, at.CURRENT], rel=1e-4)
     free = run(machine, machine, 0.0)
     assert both[-1, 0, at.SPEED] < free[-1, 0, at.SPEED]
-    for values in line_power(machine_row(shared), both[:, 0]):
+    for values in shared.motor.of_kind.powers(machine_row(shared), both[:, 0]):
         assert np.isfinite(values).all()
     # the supply gives what both take: what one line takes more is lost in the shared one
     supplied = both[-1, :, at.ENERGIES + at.SUPPLY]

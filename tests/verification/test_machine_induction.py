@@ -22,7 +22,6 @@ from turnout.machine.motor_kind import (
     breakdown_slip,
     gamma_from_inverse_gamma,
     gamma_point,
-    line_power,
     motor_row,
 )
 from turnout.machine.rows import machine_row
@@ -142,7 +141,8 @@ def test_direct_start_with_a_load_step() -> None:
         bare(reference_motor()), step=step, end=1.5, loads={0.0: 0.0, 1.0: 10.0}
     )
     time = step * np.arange(len(states))
-    power, apparent, current = line_power(constants, states)
+    power, apparent = reference_motor().of_kind.powers(constants, states)
+    current = states[:, at.CURRENT]
     psi_s = states[:, at.STATOR_FLUX] + 1j * states[:, at.STATOR_FLUX_ACROSS]
     psi_r = states[:, at.ROTOR_FLUX] + 1j * states[:, at.ROTOR_FLUX_ACROSS]
     i_s = psi_s / 0.245 + (psi_s - psi_r) / 0.02296875
@@ -235,11 +235,12 @@ def test_steady_point_of_a_random_motor() -> None:
         motor = machine.motor.model_copy(update={"transient": False})
         machine = machine.model_copy(update={"motor": motor})
         constants, states, _ = started(machine, step=1e-2, end=0.1, loads={0.0: 0.0})
-        power, apparent, current = line_power(constants, states[-1:])
+        power, apparent = machine.motor.of_kind.powers(constants, states[-1:])
         _, point = steady_at(machine, float(states[-1, at.SPEED]))
-        assert current[0] == pytest.approx(point.current, rel=1e-6)
+        assert states[-1, at.CURRENT] == pytest.approx(point.current, rel=1e-6)
         assert power[0] == pytest.approx(point.power, rel=1e-6)
-        assert apparent[0] == pytest.approx(point.apparent, rel=1e-6)
+        voltage = machine.supply.voltage or machine.motor.voltage
+        assert apparent[0] == pytest.approx(math.sqrt(3.0) * voltage * point.current, rel=1e-6)
         assert steady_point(machine, torque=0.0, drag=False).speed <= SUPPLY * 2
 
 

@@ -18,7 +18,6 @@ from turnout.machine.compute import places as at
 from turnout.machine.compute.induction import lost_phase_circuit
 from turnout.machine.compute.machine_step import accept_step, take_step
 from turnout.machine.machine_file import load_machines
-from turnout.machine.motor_kind import line_power
 from turnout.machine.rows import machine_row
 from turnout.throw.machine import throw_one_mass
 
@@ -76,8 +75,8 @@ def test_periodic_answer(speed: float) -> None:
     assert ours[0] == pytest.approx(current, rel=1e-9)
     assert ours[1] == pytest.approx(torque, rel=1e-9, abs=1e-9)
     assert ours[3] == pytest.approx(power, rel=1e-9)
-    found = [float(values[0]) for values in line_power(constants, state[None])]
-    assert found == pytest.approx([power, 400.0 * current, current], rel=1e-9)
+    found = [float(row[0]) for row in machine.motor.of_kind.powers(constants, state[None])]
+    assert found == pytest.approx([power, 400.0 * current], rel=1e-9)
     back = lost_phase_circuit(
         constants, np.where(np.arange(at.STATES) == at.DIRECTION, -1, state), -speed
     )

@@ -233,25 +233,16 @@ class Machine(JudgedRecord):
         None, description="bar that unlocks before the way and locks after it; default none"
     )
 
-    @property
-    def stall_torque(self) -> float:
-        """Torque of the standing motor at its rated voltage and 20 degC, without line [N m].
-
-        Of an induction motor the breakdown torque, below which it stalls.
-        """
-        motor = self.motor.model_copy(update={"temperature": COPPER_REFERENCE})
-        return (
-            motor.of_kind.stall_torque(motor_row(motor, Supply.model_validate({})))
-            - motor.loss_torque
-        )
-
     def faults(self) -> Iterator[str]:
         """Yield the faults between the values."""
         breakaway = self.clutch.torque * self.clutch.static_ratio
-        if breakaway >= self.stall_torque:
+        cold = self.motor.model_copy(update={"temperature": COPPER_REFERENCE})
+        row = motor_row(cold, Supply.model_validate({}))
+        most = cold.of_kind.stall_torque(row) - cold.loss_torque
+        if breakaway >= most:
             yield (
                 f"the clutch would never slip: {breakaway:.4g} N m to break away, the motor stalls "
-                f"at {self.stall_torque:.4g} N m; lower clutch.torque or raise motor.voltage"
+                f"at {most:.4g} N m; lower clutch.torque or raise motor.voltage"
             )
         if self.supply.phase_lost_at is not None and self.supply.shared_resistance:
             yield (

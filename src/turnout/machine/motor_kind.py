@@ -223,7 +223,7 @@ def motor_row(motor: Motor, supply: Supply) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class SteadyPoint:
-    """Current [A], speed of the shaft [rad/s], active [W] and apparent power [V A] drawn.
+    """Current [A], speed of the shaft [rad/s] and active power drawn [W].
 
     The current is that of the motor; of an induction motor that of the line, rms. `stalled`: the
     torque is beyond what the motor can give, so it stands.
@@ -232,7 +232,6 @@ class SteadyPoint:
     current: float
     speed: float
     power: float
-    apparent: float
     stalled: bool = False
 
 
@@ -302,7 +301,7 @@ class MotorKind:
         left -= (constants[at.RESISTANCE] + constants[at.LINE_RESISTANCE]) * current
         power = float(constants[at.VOLTAGE] * current + constants[at.FIELD_POWER])
         speed = max(float(left / constant), 0.0)
-        return float(constant * current), SteadyPoint(current, speed, power, power)
+        return float(constant * current), SteadyPoint(current, speed, power)
 
     def stall_torque(self, constants: Floats) -> float:
         """Return the torque below which it stands, without its own friction [N m]."""
@@ -444,7 +443,9 @@ class Induction(MotorKind):
 
     def powers(self, constants: Floats, states: Floats) -> tuple[Floats, Floats]:
         """Return active [W] and apparent power [V A] of the lines, shape (n,)."""
-        return line_power(constants, states)[:2]
+        found = np.empty((2, len(states)))
+        line_powers(constants, np.ascontiguousarray(states), found)
+        return found[0], found[1]
 
     def field_energies(self, constants: Floats, states: Floats) -> Floats:
         """Return the energy in the field of an induction motor, shape (n,) [J]."""
@@ -528,22 +529,7 @@ def gamma_point(constants: Floats, speed: float) -> tuple[float, SteadyPoint]:
         )
     current, per_flux, flux = at_flux(size)
     torque = float(3.0 * pairs * flux**2 * per_flux.imag)
-    power, apparent = 3.0 * voltage * current.real, 3.0 * voltage * abs(current)
-    return torque, SteadyPoint(abs(current), speed, power, apparent)
-
-
-def line_power(constants: Floats, states: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return active power [W], apparent power [V A] and line current [A, rms] of states.
-
-    Parameters
-    ----------
-    constants : ndarray, shape (CONSTANTS,)
-        Of one machine with an induction motor.
-    states : ndarray, shape (n, STATES)
-    """
-    found = np.empty((len(states), 3))
-    line_powers(constants, np.ascontiguousarray(states), found)
-    return found[:, 0], found[:, 1], found[:, 2]
+    return torque, SteadyPoint(abs(current), speed, 3.0 * voltage * current.real)
 
 
 def gamma_from_inverse_gamma(

@@ -81,12 +81,14 @@ AT_END = 1e-9
 """Way to an end of a stroke within which a rod is at it, as sums of floats miss it [m]."""
 
 
-def angle_at(machine: Machine, position: float) -> float:
+def angle_at(machine: Machine, constants: Floats, position: float) -> float:
     """Return the least shaft angle at which the rod is at a position [rad].
 
     Parameters
     ----------
     machine : Machine
+    constants : ndarray, shape (CONSTANTS,)
+        Of which the stroke is read.
     position : float
         Of the rod's machine end [m]; at the ends of a crank or table and beyond, with its lock
         bar home.
@@ -101,9 +103,9 @@ def angle_at(machine: Machine, position: float) -> float:
         return 0.0
     if position >= stroke.start + length - AT_END:
         return whole
-    row, table = machine_row(machine, limits=False), stroke_table(stroke)
+    table = stroke_table(stroke)
     return float(
-        brentq(lambda a: rod_position(row, table, a)[0] - position, 0.0, whole, xtol=1e-12)
+        brentq(lambda a: rod_position(constants, table, a)[0] - position, 0.0, whole, xtol=1e-12)
     )
 
 
@@ -165,28 +167,27 @@ def _or(value: float | None, default: float) -> float:
     return default if value is None else value
 
 
-def machine_row(machine: Machine, *, limits: bool = True) -> Floats:
+def machine_row(machine: Machine) -> Floats:
     """Return the constants of a machine, see `turnout.machine.compute.places`."""
     row = motor_row(machine.motor, machine.supply)
     for place, value in (_gear_entries(machine) | _circuit_entries(machine)).items():
         row[place] = value
-    if limits:
-        circuit, end = machine.circuit, machine.stroke.angle or math.inf
-        if machine.stroke.kind == "screw":
-            row[at.LIMIT_CLOSING], row[at.LIMIT_OPENING] = math.inf, -math.inf
-        else:
-            row[at.LIMIT_CLOSING], row[at.LIMIT_OPENING] = end, 0.0
-        if circuit.limit_closing is not None:
-            row[at.LIMIT_CLOSING] = angle_at(machine, circuit.limit_closing)
-        if circuit.limit_opening is not None:
-            row[at.LIMIT_OPENING] = angle_at(machine, circuit.limit_opening)
+    circuit, stroke = machine.circuit, machine.stroke
+    opened, closed = (
+        (-math.inf, math.inf) if stroke.kind == "screw" else (0.0, stroke.angle or math.inf)
+    )
+    for place, limit, end in (
+        (at.LIMIT_CLOSING, circuit.limit_closing, closed),
+        (at.LIMIT_OPENING, circuit.limit_opening, opened),
+    ):
+        row[place] = end if limit is None else angle_at(machine, row, limit)
     return row
 
 
 def start_state(machine: Machine, constants: Floats, position: float) -> Floats:
     """Return the state of a machine at rest: de-energised, clutch unloaded, held by its lock."""
     state = np.zeros(at.STATES)
-    state[at.GEAR_ANGLE] = angle_at(machine, position)
+    state[at.GEAR_ANGLE] = angle_at(machine, constants, position)
     table = stroke_table(machine.stroke)
     state[at.ROD_POSITION] = rod_position(constants, table, state[at.GEAR_ANGLE])[0]
     state[at.DIRECTION] = 1.0

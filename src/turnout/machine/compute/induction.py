@@ -435,7 +435,7 @@ def add_lost_phase_energy(constants: Floats, state: Floats, stage: Floats, weigh
 
 @compiled
 def line_powers(constants: Floats, states: Floats, found: Floats) -> None:
-    """Write active power [W], apparent power [V A] and line current [A, rms] of each state.
+    """Write active [W] and apparent power [V A] of each state into two rows.
 
     P = 1.5 Re(u conj i) and S = 1.5 u |i| with peak values; while the contactor is open both are 0.
     With one phase lost S is the voltage between the two lines that are left times their current.
@@ -450,5 +450,5 @@ def line_powers(constants: Floats, states: Floats, found: Floats) -> None:
             else:
                 line = line_current(constants, state)
                 current, power = abs(line) / math.sqrt(2.0), 1.5 * voltage * line.real
-        apparent = phases / math.sqrt(2.0) * voltage * current
-        found[number, 0], found[number, 1], found[number, 2] = power, apparent, current
+        found[0, number] = power
+        found[1, number] = phases / math.sqrt(2.0) * voltage * current
