@@ -15,7 +15,7 @@ from turnout.throw.route import (
     open_rail,
     rail_closes,
     throws,
-    wanted_closed,
+    wants_closed,
 )
 from turnout.throw.signals import energy_channels, energy_scale
 
@@ -50,11 +50,12 @@ def test_rails_change_their_roles() -> None:
     assert (open_rail(one, "closed"), open_rail(one, "open")) == (None, only)
 
 
-def test_wanted_closed_covers_every_instant_once() -> None:
-    (first, when_first), (second, when_second) = wanted_closed(sb2_panel(), TIME)
-    assert (first, second) == ("A", "B")
-    assert (when_first ^ when_second).all()
-    assert when_second.tolist() == ((TIME >= 0.2) & (TIME < 4.4 - 1e-9)).tolist()
+def test_the_instrumented_rail_is_wanted_closed_but_from_the_throw_to_the_return() -> None:
+    closed = wants_closed(sb2_panel(), TIME, np.array([0.2, 4.4]))
+    assert (~closed).tolist() == ((TIME >= 0.2) & (TIME < 4.4 - 1e-9)).tolist()
+    late = wants_closed(sb2_panel(), np.stack([TIME, TIME]), np.array([[0.2, 4.4], [0.2, 5.4]]))
+    assert late[0].tolist() == closed.tolist()
+    assert (~late[1]).tolist() == ((TIME >= 0.2) & (TIME < 5.4 - 1e-9)).tolist()
 
 
 def test_rest_is_outside_the_movements() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from turnout.panel.load import load_panel
-from turnout.throw.route import closed_spans, throws, wanted_closed
+from turnout.throw.route import closed_spans, throws, wants_closed
 
 
 def test_changed_movements_and_drives_are_seen() -> None:
@@ -29,8 +29,7 @@ def test_spans_between_onsets_are_all_instants() -> None:
     starts, closes, opens = closed_spans(panel, time)
     assert (starts[:2], closes[:2], opens[:2]) == ((0, 1), (1, 3), (3, 5))
     assert (starts[2], closes[2], opens[2]) == (False, True, False)
-    (_, closed), (_, opened) = wanted_closed(panel, time)
+    closed = wants_closed(panel, time, np.array([first.start, second.start]))
     assert closed.tolist() == [False, True, True, False, False]
-    assert opened.tolist() == (~closed).tolist()
     early = closed_spans(panel, time[:1])
     assert [span for span in early if span[1] > span[0]] == [(0, 1, False)]

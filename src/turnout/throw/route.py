@@ -101,15 +101,14 @@ def sensor_rails(panel: Panel) -> dict[str, str]:
     return {name: rail for name, rail in rails.items() if rail is not None}
 
 
-def wanted_closed(panel: Panel, time: Floats) -> list[tuple[str, Flags]]:
-    """Return rails with the instants at which the present or last movement wants each closed."""
-    position = np.empty(time.size, dtype=np.bool_)
-    for begin, end, closed in closed_spans(panel, time):
-        position[begin:end] = closed
-    return [
-        (closed_rail(panel, "closed"), position),
-        (closed_rail(panel, "open"), ~position),
-    ]
+def wants_closed(panel: Panel, time: Floats, starts: Floats) -> Flags:
+    """Flag the times at which the present or last movement wants the instrumented rail closed.
+
+    Onsets of the movements have the shape (..., n_movements), times and flags (..., n_times) [s].
+    """
+    begun = time[..., np.newaxis, :] >= starts[..., np.newaxis] - 1e-9
+    closed = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
+    return np.asarray(np.array(closed)[begun.sum(axis=-2)])
 
 
 def rail_closes(panel: Panel, time: Floats) -> Flags:
@@ -121,9 +120,7 @@ def rail_closes_after(panel: Panel, time: Floats, starts: Floats) -> Flags:
     """Return `rail_closes` of movements with onsets of their own, shape (..., n_movements) [s]."""
     if len(panel.rail) > 1:
         return np.ones(time.shape, dtype=np.bool_)
-    begun = time[..., np.newaxis, :] >= starts[..., np.newaxis] - 1e-9
-    closed = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
-    return np.asarray(np.array(closed)[begun.sum(axis=-2)])
+    return wants_closed(panel, time, starts)
 
 
 def at_rest(panel: Panel, time: Floats, moved: Sequence[DirectedMovement] | None = None) -> Flags:
