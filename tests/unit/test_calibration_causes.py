@@ -267,6 +267,23 @@ def test_a_cause_that_the_end_does_not_need_is_left_out(stated: float) -> None:
         assert kept is search
 
 
+@pytest.mark.parametrize(("size", "without", "likely"), [(1e-3, 500.0, True), (0.1, 500.0, False)])
+def test_fewer_causes_are_as_likely_where_the_others_are_trifles_or_explain_nothing(
+    monkeypatch: pytest.MonkeyPatch, size: float, without: float, *, likely: bool
+) -> None:
+    whole = misfit([movement("m", rng=np.random.default_rng(0))])
+    cause = candidate_causes(load_panel("sb1"), PARAMETERS)[0]
+    found = fit(whole, PARAMETERS, TRUE, rough=True)
+    its = replace(found, values={**found.values, cause.parameters[0].name: size})
+    tested = cause_trials.TestedCause(cause=cause, sizes=(size,), gain=20.0)
+    search = CauseSearch(found=its, first=whole, plain=whole, taken=(tested,), misses=False)
+    fewer = replace(search, found=found, taken=())
+    monkeypatch.setattr(causes, "evidence", lambda _, some: 100.0 if some else without)
+    assert fewer.is_as_likely(found, search, its) == likely
+    monkeypatch.setattr(causes, "evidence", lambda _, some: 100.0 + len(some))
+    assert fewer.is_as_likely(found, search, its)
+
+
 def test_every_cause_is_one_that_the_panel_can_be_thrown_with() -> None:
     panel = load_panel("sb1")
     parameters = default_plan(panel).parameters
@@ -378,7 +395,7 @@ def test_choices_that_are_alike_are_both_said_and_widen_the_intervals(
     (rival,) = _rivals(fitted)
     assert rival.odds == pytest.approx(np.exp(-1.0))
     assert rival.line.startswith("or first: ")
-    assert "odds 0.37 to 1" in rival.line
+    assert "odds 1 to 2.7 beside what was fitted" in rival.line
     before, after = (spread_of(start, rivals=some).coordinate_covariance for some in ([], [rival]))
     # Both fits are one per cent of the stiffness apart.
     share = rival.odds / (1.0 + rival.odds)

@@ -101,7 +101,8 @@ class Rival:
     @property
     def line(self) -> str:
         """The rival as a line for the screen."""
-        return f"or {self.text} (odds {self.odds:.2g} to 1 against what was taken up; in intervals)"
+        odds = f"odds 1 to {1.0 / self.odds:.2g} beside what was fitted"
+        return f"or {self.text} ({odds}; intervals hold its values)"
 
 
 def with_cause(misfit: Misfit, cause: Cause) -> Misfit:

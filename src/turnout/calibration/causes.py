@@ -295,8 +295,9 @@ def without(search: CauseSearch, final: Fit, left_out: Sequence[TestedCause]) ->
     with suppress(SolverError):
         if left_out:
             found = brief_fit(replace(first, base=values), start)
-            misses = is_worth_a_search(found)
-            return replace(search, found=found, first=first, taken=kept, misses=misses)
+            # Rivals were compared with fits that have all of the causes.
+            fewer = replace(search, found=found, first=first, taken=kept, rivals=())
+            return replace(fewer, misses=is_worth_a_search(found))
     return search
 
 
