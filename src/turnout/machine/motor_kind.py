@@ -529,7 +529,7 @@ def gamma_point(constants: Floats, speed: float) -> tuple[float, SteadyPoint]:
         )
     current, per_flux, flux = at_flux(size)
     torque = float(3.0 * pairs * flux**2 * per_flux.imag)
-    return torque, SteadyPoint(abs(current), speed, 3.0 * voltage * current.real)
+    return torque, SteadyPoint(float(abs(current)), speed, float(3.0 * voltage * current.real))
 
 
 def gamma_from_inverse_gamma(
