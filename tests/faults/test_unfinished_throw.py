@@ -18,6 +18,8 @@ from turnout.metric.sweep_map import STATES, end_state
 from turnout.metric.test_piece import check_piece
 from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import LoadedPanel, load_panel
+from turnout.solver.integration import WITHOUT_START
+from turnout.solver.outcome import Code, NotConverged
 from turnout.study.sweep.read import last_values, open_batches
 from turnout.study.sweep.run import throw_study
 from turnout.throw.checks import checks, lamps
@@ -44,6 +46,17 @@ def thrown(machine: str = "jea73") -> xr.Dataset:
 def stalled() -> xr.Dataset:
     """Return a throw whose machine never moves and is never switched off, to be read only."""
     return simulate(panel_with(**STALLED), mode="quick")
+
+
+@pytest.mark.parametrize("code", WITHOUT_START)
+@pytest.mark.parametrize("machine", [None, "jea73"])
+def test_a_throw_without_a_start_is_refused_by_one_message(
+    monkeypatch: pytest.MonkeyPatch, machine: str | None, code: Code
+) -> None:
+    monkeypatch.setattr("turnout.solver.integration.find_start", lambda *_: code)
+    panel = load_panel(NAME) if machine is None else panel_with(machine)
+    with pytest.raises(NotConverged, match="start"):
+        simulate(panel, mode="quick")
 
 
 def cut_at(run: xr.Dataset, end: float) -> xr.Dataset:

@@ -8,8 +8,16 @@ Floats = NDArray[np.float64]
 WINDOW = 0.1
 """Width that the published measurements were filtered with [s]."""
 
-_DECIMALS = 6
-"""Of half a window in samples; rounding in the rate must not decide which way a tie goes."""
+
+def whole_count(samples: float) -> int:
+    """Return the nearest whole number of samples; rounding in a rate decides no tie.
+
+    Examples
+    --------
+    >>> whole_count(2.5 * (1 + 1e-12)), whole_count(3.5 * (1 - 1e-12))
+    (2, 4)
+    """
+    return round(round(samples, 6))
 
 
 def window_samples(window: float, *, rate: float) -> int:
@@ -27,7 +35,7 @@ def window_samples(window: float, *, rate: float) -> int:
     >>> window_samples(0.1, rate=1000.0), window_samples(0.1, rate=250.0 * (1 + 1e-12))
     (101, 25)
     """
-    return 2 * round(round(0.5 * window * rate, _DECIMALS)) + 1
+    return 2 * whole_count(0.5 * window * rate) + 1
 
 
 def moving_average(values: Floats, *, rate: float, window: float = WINDOW) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import ResponseError
-from turnout.core.moving_average import WINDOW, window_samples
+from turnout.core.moving_average import WINDOW, whole_count, window_samples
 from turnout.core.running_current import running_time
 from turnout.kernels.force_features import COUNT, FEWEST, SCRATCH_ROWS, measure_movements
 from turnout.throw.slip import TIME_TOLERANCE, Span, movements
@@ -220,7 +220,7 @@ def _measured(
         rate = (time.size - 1) / (time[-1] - time[0])
         choices = np.array([sign, ARRIVED, LEAST_RISE, LOW, HIGH, *MIDDLE])
         halves = [window_samples(window, rate=rate) // 2 for window in (WINDOW, SLOW)]
-        samples = np.array([*halves, max(1, round(WINDOW * rate))])
+        samples = np.array([*halves, max(1, whole_count(WINDOW * rate))])
         measure_movements(
             np.require(time, np.float64, ["C", "W"]),
             force,

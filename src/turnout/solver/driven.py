@@ -291,7 +291,7 @@ class MachineHistory:
         for number, machine in enumerate(self.records):
             kind = machine.motor.of_kind
             energy[:, number] += kind.field_energies(self.constants[number], self.booked[:, number])
-        return np.asarray(energy - energy[0])
+        return np.asarray(energy - energy[:1])  # no row without a start
 
     @cached_property
     def numerical(self) -> Floats:

@@ -81,7 +81,7 @@ def moved_throws(panel: Panel, history: History) -> tuple[DirectedMovement, ...]
     if history.machines is None:
         return throws(panel)
     late, planned = _lateness(panel, history), throws(panel)
-    end_of_all = max(panel.schedule.end + late[-1], *history.time[-1:].tolist())
+    end_of_all = max([panel.schedule.end + late[-1], *history.time[-1:].tolist()])
     found = []
     for number, (throw, by) in enumerate(zip(planned, late, strict=False)):
         movement, ends = panel.movement[throw.name], []

@@ -111,8 +111,8 @@ def margins_between(force: Floats, starts: Ints, limits: Floats, to: Sequence[st
     for number, position in enumerate(to):
         closes = position == "closed"
         first, last = starts[:, number], starts[:, number + 1]
-        largest = _between(np.maximum, force, first, last) if closes else None
-        effort = -_between(np.minimum, force, first, last) if largest is None else largest
+        largest, sign = (np.maximum, 1.0) if closes else (np.minimum, -1.0)
+        effort = sign * _between(largest, force, first, last)
         column = DIRECTIONS.index("closing" if closes else "opening")
         margins[:, column] = np.fmin(margins[:, column], limits - np.maximum(effort, 0.0))
     return margins
@@ -120,6 +120,8 @@ def margins_between(force: Floats, starts: Ints, limits: Floats, to: Sequence[st
 
 def _between(ufunc: np.ufunc, values: Floats, first: Ints, last: Ints) -> Floats:
     """Reduce a part of each row, by its first place and that after its last; NaN without one."""
+    if not values.size:  # a run without a start
+        return np.full(first.shape, np.nan)
     row_begins = np.arange(values.shape[0]) * values.shape[1]
     bounds = np.stack([first + row_begins, last + row_begins], axis=1).ravel()
     inside = np.minimum(bounds, values.size - 1)
