@@ -5,6 +5,7 @@ import json
 import pytest
 
 from turnout.cli.machine import throw_summary
+from turnout.core.errors import MachineError
 from turnout.core.scheme import Scheme
 from turnout.machine.components import Machine
 from turnout.machine.machine_file import load_machines
@@ -44,6 +45,13 @@ def test_a_weak_direct_current_motor_stalls_too() -> None:
     weak = machine_of("jea73", supply__voltage=30.0, supply__line_resistance=54.0)
     assert "standstill" in stall_text(weak)
     assert not stall_text(machine_of("jea73"))
+
+
+def test_a_motor_that_stalls_when_hot_alone_is_warned_of() -> None:
+    hot = machine_of("s700k", motor__temperature=373.15, clutch__torque=12.2)
+    assert "breakdown 9.9" in stall_text(hot)
+    with pytest.raises(MachineError, match="the motor stalls at 13"):
+        machine_of("s700k", motor__temperature=373.15, clutch__torque=14.0)
 
 
 def test_a_lost_phase_has_no_steady_points_of_three() -> None:

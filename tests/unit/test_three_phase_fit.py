@@ -263,6 +263,14 @@ def test_copper_that_would_take_all_of_the_power_is_refused() -> None:
     assert isinstance(fit_of(data.drop_vars("drive_power")).per_volt, Estimate)
 
 
+def test_leaving_the_power_out_is_no_remedy_without_voltages() -> None:
+    data = bad(campaign(throws=10), "power", 0.05)
+    with pytest.raises(MeasurementError, match="power factors .* leave the power out"):
+        fit_of(data)
+    with pytest.raises(MeasurementError, match=r"power factors .* channel map\)$"):
+        fit_of(data.drop_vars("drive_voltage"))
+
+
 def test_a_direct_current_is_none_of_three_phases() -> None:
     data = campaign(throws=10)
     power = data["drive_voltage"] * data["drive_current"]

@@ -37,6 +37,7 @@ from turnout.calibration.machine_estimates.three_phase_throws import (
     CHANNELS,
     LEAST_THROWS,
     ONE_PHASE,
+    WITHOUT_POWER,
     ThrowMeans,
     contradictions,
     recorded,
@@ -454,7 +455,8 @@ def _with_circuit(
     if copper > MOST_COPPER:
         text = (
             f"drive {fit.drive}: by its slopes line and stator take {100 * copper:.0f} % of the "
-            f"power or more, {100 * MOST_COPPER:.0f} % at most are possible: {ONE_PHASE}"
+            f"power or more, {100 * MOST_COPPER:.0f} % at most are possible: "
+            f"{ONE_PHASE}{WITHOUT_POWER}"
         )
         raise MeasurementError([text], source="three-phase fit")
     current, per_volt = _over_throws(fitted, blocks, point, fit.rated_voltage)

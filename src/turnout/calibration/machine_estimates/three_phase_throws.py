@@ -35,8 +35,9 @@ POWER_PER_AMPERE = 200.0
 """Power that counts as an ampere where the running time is sought in power alone [W/A]."""
 ONE_PHASE = (
     "another unit, or power of one phase or two; give those of all (phases = [...] in the channel "
-    "map), or leave the power out: current and slope with the voltage need none"
+    "map)"
 )
+WITHOUT_POWER = ", or leave the power out: current and slope with the voltage need none"
 CHANNELS = {"voltage": "drive_voltage", "current": "drive_current", "power": "drive_power"}
 
 
@@ -183,7 +184,7 @@ def contradictions(
     elif (factor := float(np.median(factors))) < LEAST_FACTOR:
         yield (
             f"drive {drive}: power factors are {LEAST_FACTOR:g} and more, this is {factor:.2g}: "
-            + ONE_PHASE
+            f"{ONE_PHASE}{WITHOUT_POWER if 'voltage' in means else ''}"
         )
 
 
