@@ -228,7 +228,8 @@ def test_a_worn_clutch_is_tracked() -> None:
 def test_without_forces_a_current_stays_amperes() -> None:
     fit = fit_machines(campaign(forces=False))
     found = fit.of("1", "closing")
-    assert found.line == NotIdentified(reason="no force was measured at this drive")
+    assert isinstance(found.line, NotIdentified)
+    assert found.line.reason == "no force was measured at this drive"
     assert found.slip is not None
     assert found.anchor is None
     assert all(one.force_most is None for one in found.usage)

@@ -395,7 +395,7 @@ def test_a_drive_that_is_no_machine_is_left_out(tmp_path: Path) -> None:
     """Its movements are alike, which is no reason to refuse the other drive."""
     data = campaign()
     fit, other = fit_three_phase(with_assumed_current(data), rated_voltage=380.0)
-    assert fit == fit_of(data)
+    assert repr(fit) == repr(fit_of(data))  # NaN differs from NaN since Python 3.13
     assert (other.drive, other.throws, other.missing) == ("2", 0, ("U", "P"))
     lines = three_phase_lines([fit, other])
     assert [line for line in lines if "drive 2" in line] == [
