@@ -1,6 +1,7 @@
 """Recordings whose clock may be meant in two ways, or changes: refused by that name, or said."""
 
 import json
+from collections import OrderedDict
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -44,6 +45,11 @@ def read(path: Path, content: str | object) -> Recording:
         "Save every nth;40",
         "Note: every second value",
         "Data: downsampled",
+        "every tenth sample",
+        "every twentieth value",
+        "jeder vierte Wert",
+        "jede zwanzigste Zeile",
+        "varje tionde värde",
     ],
 )
 def test_a_rate_beside_samples_that_were_left_out(tmp_path: Path, line: str) -> None:
@@ -94,6 +100,11 @@ def test_a_column_that_repeats_how_many_samples_were_left_out(tmp_path: Path) ->
         "Gear reduction 10",
         "Samples: 40",
         "Sampling: every 40 ms",
+        "Alle gefilterten Werte in kN",
+        "alle korrigierten Messwerte",
+        "only with values",
+        "only 40 values",
+        "Replaced every month, values ok",
     ],
 )
 def test_no_samples_were_left_out(tmp_path: Path, line: str) -> None:
@@ -120,6 +131,7 @@ def test_a_number_of_samples_is_no_interval(tmp_path: Path) -> None:
         {"rate": 25, "units": {"Speed": "1/min"}, **LISTS},
         {"rate": 25, "rpm": 1500, **LISTS},
         {"rate": 25, "shaft": {"rpm": 1500}, "Force": FORCE.tolist()},
+        {"rate": 25, "motor": {"rated_rpm": 1500}, "Force": FORCE.tolist()},
         {"rate": 25, "Force": FORCE.tolist(), "rotation_speed": CURRENT.tolist()},
         {"rate": 25, "Force": FORCE.tolist(), "speed (r/min)": CURRENT.tolist()},
         {"rate": 25, "data": [{"F (N)": f, "n (rpm)": 1e3} for f in FORCE]},
@@ -156,6 +168,7 @@ MOMENT = np.datetime64("2026-11-28T08:14:00", "us")
     [
         ("wf_increment", 0.04, 0.08),
         ("wf_start_offset", 1.0, 5.0),
+        ("wf_start_offset", 0.0, 5.0),
         ("wf_start_time", MOMENT, MOMENT + 5_000_000),
         ("sr", 25.0, 50.0),
     ],
@@ -177,6 +190,8 @@ def test_a_clock_that_changes_between_segments(
             assert read_recording(path).channel("Force").rate == 25.0
     with pytest.raises(FileError, match=f"{key} changes between segments: {str(first)[:4]}"):
         read_recording(path)
+    # The library is left as it was.
+    assert nptdms.reader.OrderedDict is OrderedDict
 
 
 @pytest.mark.parametrize("digits", [3, 2])
@@ -242,6 +257,24 @@ def test_times_that_jump(tmp_path: Path, time: Callable[[int], str], words: str)
         read(tmp_path / "throw.csv", HEAD.replace(" (s)", "") + rows(time=time))
 
 
+def test_a_last_time_that_is_late(tmp_path: Path) -> None:
+    heading, last = HEAD.replace(" (s)", ""), COUNT - 1
+    text = heading + rows(time=lambda n: f"{n * 0.04 + 0.012 * (n == last):.3f}")
+    recording = read(tmp_path / "throw.csv", text)
+    assert recording.channel("Force").rate == 25.0
+    assert recording.problems == (
+        "channels 'Force', 'Current': check the time: its last, 1.572 s, is taken as 1.56 s",
+    )
+    text = heading + rows(time=lambda n: f"{n * 0.04 + 0.012 * (n >= last - 1):.3f}")
+    with pytest.raises(FileError, match=r"1.48 to 1.532 s; save each part in a file of its own"):
+        read(tmp_path / "throw.csv", text)
+
+
+def test_a_unit_between_underscores(tmp_path: Path) -> None:
+    text = HEAD.replace("Time (s)", "Time_ms_") + rows(time=lambda n: f"{n * 40}")
+    assert read(tmp_path / "throw.csv", text).channel("Force").rate == 25.0
+
+
 def test_stamps_a_day_apart(tmp_path: Path) -> None:
     text = HEAD.replace(" (s)", "") + rows(time=moment("%Y-%m-%d %H:%M:%S", step=86400.0))
     force = read(tmp_path / "throw.csv", text).channel("Force")
@@ -283,6 +316,65 @@ def test_a_unit_of_times_that_stands_apart(tmp_path: Path, line: str) -> None:
         assert read(path, stated(text)).channel("Force").rate == 25.0
 
 
+@pytest.mark.parametrize(
+    ("lines", "rate", "start"),
+    [
+        ("Sample rate: 25 Hz\nTime unit: 10 ms\nX0: 5", 25.0, 0.05),
+        ("Time unit: 10 ms\nX Increment: 4\nX0: 5", 25.0, 0.05),
+        ("Time unit: ms\nX unit: msec\ndt: 40\nX0: 5 s", 25.0, 5.0),
+        ("Sample rate: 25 Hz\nX0: 5 mm", 25.0, 0.0),
+    ],
+)
+def test_a_unit_of_times_and_a_start(tmp_path: Path, lines: str, rate: float, start: float) -> None:
+    force = read(tmp_path / "throw.csv", stated(lines)).channel("Force")
+    assert (force.rate, force.start) == (pytest.approx(rate), pytest.approx(start))
+
+
+def test_a_rate_of_another_object(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="neither times nor a sample rate"):
+        read(tmp_path / "throw.json", {"gear": {"rate": 25}, **LISTS})
+
+
+def test_two_units_of_times(tmp_path: Path) -> None:
+    text = stated("Time unit: s\nX unit: ms\ndt: 0.04")
+    with pytest.raises(FileError, match="two units of times are stated, 's' and 'ms'"):
+        read(tmp_path / "throw.csv", text)
+    with pytest.raises(FileError, match="the unit of 'Ms' may be ms or 1e6 s"):
+        read(tmp_path / "throw.csv", stated("Sample rate: 25 Hz\nX0: 5 Ms"))
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        {"meta": {"dt": 40}, "time_unit": "ms", **LISTS},
+        {"dt": 40, "meta": {"time_unit": "ms"}, **LISTS},
+        {"dt": 40, "recording": {"time_unit": "ms", **LISTS}},
+        {"time_unit": "ms", "channels": [{"name": "Force", "dt": 40, "data": FORCE.tolist()}]},
+    ],
+)
+def test_a_unit_of_times_in_another_object(tmp_path: Path, held: object) -> None:
+    assert read(tmp_path / "throw.json", held).channel("Force").rate == 25.0
+
+
+def test_a_unit_of_times_around_a_channel(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "throw.h5", "w") as file:
+        file.attrs["time_unit"] = np.bytes_("ms")
+        group = file.create_group("group")
+        group.create_dataset("Force", data=FORCE).attrs.update({"dt": 40.0, "start": 500.0})
+        group.create_dataset("Speed", data=[FORCE, FORCE]).attrs.update(
+            {"dt": 40.0, "start": 500.0}
+        )
+        inner = file.create_group("inner")
+        inner.attrs.update({"dt": 40.0, "x_unit": "ms"})
+        inner.create_dataset("Current", data=CURRENT).attrs["start"] = 500.0
+    for channel in read_recording(tmp_path / "throw.h5").channels.values():
+        assert (channel.rate, channel.start) == (25.0, 0.5), channel.name
+    held = {"time_unit": "ms", "held": {"dt": 40.0, "Force": FORCE}}
+    scipy_io.savemat(tmp_path / "throw.mat", held)
+    (force,) = read_recording(tmp_path / "throw.mat").channels.values()
+    assert force.rate == 25.0
+
+
 def test_a_unit_of_times_in_named_arrays(tmp_path: Path) -> None:
     time = (np.arange(COUNT) * 40 + 0.5).tolist()
     held = {"time": time, "time_unit": "ms", **LISTS}
@@ -300,6 +392,36 @@ def test_a_start_of_its_own_beside_a_rate_of_the_file(tmp_path: Path) -> None:
         file.create_dataset("Current", data=CURRENT).attrs["start"] = 1.5
     channels = read_recording(tmp_path / "throw.h5").channels
     assert (channels["Force"].start, channels["Current"].start) == (0.0, 1.5)
+    with h5py.File(tmp_path / "throw.h5", "a") as file:
+        file.attrs["start"] = 3.0
+        file["Current"].attrs["start"] = 0.0
+    channels = read_recording(tmp_path / "throw.h5").channels
+    assert (channels["Force"].start, channels["Current"].start) == (3.0, 0.0)
+
+
+def test_a_place_of_a_file_is_no_start(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "throw.h5", "w") as file:
+        file.attrs.update({"fs": 25.0, "x0": 12.5})
+        file.create_dataset("Force", data=FORCE)
+    recording = read_recording(tmp_path / "throw.h5")
+    assert recording.channel("Force").start == 0.0
+    (problem,) = recording.problems
+    assert problem.startswith("'x0' (12.5) is not applied, as it may be a place")
+
+
+def test_a_rate_of_a_group_within_samples_left_out_of_the_file(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "throw.h5", "w") as file:
+        file.attrs.update({"fs": 1000.0, "decimation": 40})
+        group = file.create_group("slow")
+        group.attrs["fs"] = 25.0
+        group.create_dataset("Force", data=FORCE)
+    assert read_recording(tmp_path / "throw.h5").channel("slow/Force").rate == 25.0
+    outer = {"fs": 1000, "decimation": 40}
+    channel = {"name": "Force", "data": FORCE.tolist()}
+    path = tmp_path / "throw.json"
+    assert read(path, {**outer, "channels": [{**channel, "fs": 25}]}).channel("Force").rate == 25.0
+    with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
+        read(path, {**outer, "channels": [channel]})
 
 
 def test_gains_of_channels_in_json_are_said(tmp_path: Path) -> None:

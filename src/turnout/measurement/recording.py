@@ -154,8 +154,9 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
     # In all but the shortest channels a missing sample puts some time half a step off.
     counts, remark = _counts(time, steps, near=away <= 0.45)
     if away <= 0.45 and counts is None:
-        _check_jumps(time, steps)
-        return TimeGrid(start, _whole_step(time, step), number, remark)
+        time, late = _without_jump(time, steps)
+        step = float((time[-1] - start) / (time.size - 1))
+        return TimeGrid(start, _whole_step(time, step), number, remark or late)
     repeated = int(np.count_nonzero(steps == 0))
     if repeated and away <= 2.0:
         remark = f"{repeated} of its times repeat; whether samples are missing there is not known"
@@ -168,9 +169,7 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
         # Rounded step by step, so that a small error of the step does not add up.
         counts = np.zeros(0) if step <= 0 or few else np.rint(steps / step)
     if not counts.size or counts.sum() > MOST_GROWTH * time.size:
-        at = int(np.argmax(steps))
-        message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
-        raise ValueError(message)
+        raise _jumps(time, int(np.argmax(steps)))
     if np.any(counts < 1):
         at = int(np.argmin(counts))
         message = f"time is not even: two samples at {time[at]:.6g} s are less than a step apart"
@@ -238,15 +237,34 @@ def _counts(
     raise ValueError(message)
 
 
-def _check_jumps(time: NDArray[np.float64], steps: NDArray[np.float64]) -> None:
-    """Refuse a few longer or shorter steps among equal ones, after which all times are off."""
+def _jumps(time: NDArray[np.float64], at: int) -> ValueError:
+    message = (
+        f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s; save each part "
+        "in a file of its own, or export it at an even rate"
+    )
+    return ValueError(message)
+
+
+def _without_jump(
+    time: NDArray[np.float64], steps: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], str]:
+    """Put a last time that alone is off into step; return the times and a remark.
+
+    Raises
+    ------
+    ValueError
+        When few longer or shorter steps are among equal ones, after which all times are off.
+    """
     typical = _typical(steps)
     jumps = np.abs(steps - typical) > 0.2 * typical
     equal = np.mean(np.abs(steps - typical) <= 1e-3 * typical) >= 0.9
-    if equal and abs(float(np.sum(steps[jumps] - typical))) > 0.2 * typical:
-        at = int(np.argmax(jumps))
-        message = f"time is not even: it jumps from {time[at]:.6g} to {time[at + 1]:.6g} s"
-        raise ValueError(message)
+    if not equal or abs(float(np.sum(steps[jumps] - typical))) <= 0.2 * typical:
+        return time, ""
+    at = int(np.argmax(jumps))
+    if at < steps.size - 1:
+        raise _jumps(time, at)
+    even = np.append(time[:-1], time[-2] + typical)
+    return even, f"check the time: its last, {time[-1]:.6g} s, is taken as {even[-1]:.6g} s"
 
 
 def _last_digit(time: NDArray[np.float64]) -> float:

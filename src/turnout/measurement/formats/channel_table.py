@@ -367,7 +367,7 @@ def _curve_columns(table: Table) -> list[FileColumn]:
     clock: dict[str, Any] = {
         "time": axes[0].seconds if times else None,
         "rate": rate[0] if rate else None,
-        "start": stated.start,
+        "start": stated.start or 0.0,
         "begin": next((axis.begin for axis in axes if axis.begin is not None), None),
     }
     return [
@@ -443,7 +443,7 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         if axis is None:
             stated = table.stated.rate_of_rows()
             own = None if stated is None else stated[number if len(stated) > 1 else 0]
-            clock |= {"rate": own, "start": table.stated.start}
+            clock |= {"rate": own, "start": table.stated.start or 0.0}
         empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
         if empty > 0:
             what = f"{count_in_words(empty, 'cell')} empty, taken as missing"

@@ -7,7 +7,7 @@ rate, or an interval. The words for them and their units are here, once for all 
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +75,17 @@ _ROWS = (
     r"(?:mess|abtast)?(?:werte?s?|punkte?s?|zeilen?)|v[aä]rde\w*|echantillons?|muestras?)"
 )
 _NTH = r"(?!1(?:st|\.)?\b)(?:\d+(?:st|nd|rd|th|\.|:?[ae]|te[rsn]?)?|n|n-?th|n-?te[rsn]?)"
+_ORDINAL = (
+    r"(?:other|second|third|(?:four|fif|six|seven|eigh|nin|ten|eleven|twelf|\w+teen|\w+tie|hundred|"
+    r"thousand)th|(?:zwei|drit|vier|f[uü]nf|sechs|sieb(?:en)?|ach|neun|\w*zehn|elf|zw[oö]lf|"
+    r"\w+(?:z|ß|ss)igs|\w*hunderts|\w*tausends)te[rnsm]?|andra|tredje|fj[aä]rde|femte|sj[aä]tte|"
+    r"(?:sju|[aå]tto|nio|\w*tio|\w*tjugo)nde|hundrade|tusende)"
+)
 _STORED = r"(?:stored?|storage|saved?|kept|values|samples|points|gespeichert|werte)"
 # Statements that samples were left out, without their marks.
 _REDUCED = re.compile(
-    rf"(?:.*\b)?(?:every|each|jede[rnms]?|alle|varje?|chaque|cada|ogni|only) (?:{_NTH}|other|"
-    rf"second|third|\w+th|\w+te[rnsm]?|\w+nde) (?:(?:stored|saved|recorded|raw) )?{_ROWS}\b.*|"
+    rf"(?:.*\b)?(?:every|each|jede[rnms]?|alle|varje?|chaque|cada|ogni) (?:{_NTH}|{_ORDINAL}) "
+    rf"(?:(?:stored|saved|recorded|raw) )?{_ROWS}\b.*|"
     r"(?!.*\b(?:not|nicht)\b).*\b(?:decimated|(?:down|sub) ?sampled|dezimiert)|"
     rf"(?:.*\b)?(?:every|jede[rns]?) {_NTH}(?: stored| saved| \d+)?|"
     r"(?:(?:data|samples?|sampling|storage|rate|clock|scan) )?(?:decimat(?:ion|ed|e)|dezim\w+|"
@@ -104,7 +110,7 @@ _BEGIN = re.compile(
     r"recordingstart|messbeginn|starttidpunkt|uhrzeit"
 )
 _BEGIN_WORD = re.compile(r"start|begin")
-_SECONDS_TEXT = re.compile(r"[+\-]?[\d.,]+(?:[eE][+\-]?\d+)?\s*[a-zµ]{0,3}")
+_SECONDS_TEXT = re.compile(r"[+\-]?[\d.,]+(?:[eE][+\-]?\d+)?\s*[^\W\d]{0,3}")
 _OWNER = re.compile(r"\A[^\W\d]\w*:")
 """A channel before its own value: "CH1:0.04"."""
 _TOGETHER = re.compile(r"\b(?:aggregat\w*|total|sum|combined|gesamt|together|insgesamt)\b")
@@ -275,7 +281,7 @@ def _refuse_unclear(unit: str, shown: str = "") -> None:
 
 def _as_written(name: str, ending: str | None) -> str:
     """Return the last letters of a name, of which the small ones are known."""
-    return re.sub(r"\W+\Z", "", name)[-len(ending) :] if ending else ""
+    return re.sub(r"[\W_]+\Z", "", name)[-len(ending) :] if ending else ""
 
 
 def is_time_unit(unit: str) -> bool:
@@ -325,8 +331,8 @@ class StatedClock:
         What states it, and the rates [1/s]: one, or one a column.
     weak : list of (str, tuple of float)
         The same under a name that may mean something else ("rate").
-    start : float
-        Time of the first sample [s].
+    start : float or None
+        Time of the first sample [s]; None if it is not stated.
     moments : list of str
         Date and time of the start, in parts.
     doubtful : list of str
@@ -341,7 +347,7 @@ class StatedClock:
 
     rates: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
     weak: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
-    start: float = 0.0
+    start: float | None = None
     moments: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
     reduced: list[str] = field(default_factory=list)
@@ -390,12 +396,12 @@ class StatedClock:
         if match := _START.fullmatch(name):
             plain = all(_SECONDS_TEXT.fullmatch(v) and v.count(".") < 2 for v in kept)
             first = stated_number(kept[0], decimal) if plain else None
-            if len(kept) > 1 and plain:
-                message = f"'{key.strip()}: {text[:40]}': the columns start at different times; "
-                raise ValueError(message + "export a column of times for each")
-            if first is not None:
-                own = first[1] or match["unit"] or self.unit
-                self.start = first[0] * SECONDS.get(own.lower(), 1)
+            own = (first and first[1]) or unit or match["unit"] or self.unit
+            if first is not None and (not own or is_time_unit(own)):
+                if len(kept) > 1:
+                    message = f"'{key.strip()}: {text[:40]}': the columns start at different times"
+                    raise ValueError(message + "; export a column of times for each")
+                self.start = first[0] * seconds_of(own)
                 return True
         begins = _BEGIN.fullmatch(name) is not None
         if begins and number and is_time_unit(seconds := number[1] or unit):
@@ -410,13 +416,33 @@ class StatedClock:
         return False
 
     def read_unit(self, key: str, values: Sequence[str]) -> bool:
-        """Take the unit of times from a key and its values; return False if it is none."""
+        """Take the unit of times from a key and its values; return False if it is none.
+
+        Raises
+        ------
+        ValueError
+            When another one was stated.
+        """
         name = squeezed(key.rsplit("/", 1)[-1])
         if not _TIME_UNIT.fullmatch(name):
             return False
         if len({*values}) == 1 and is_time_unit(values[0].strip()):
-            self.unit = values[0].strip()
+            before, self.unit = self.unit, values[0].strip()
+            if before and seconds_of(before) != seconds_of(self.unit):
+                message = f"two units of times are stated, '{before}' and '{self.unit}'; leave one"
+                raise ValueError(message)
         return True
+
+    def within(self, outer: "StatedClock") -> "StatedClock":
+        """Return this clock, completed by that around it."""
+        rated = bool(self.rates or (self.weak and not self.turning))
+        return replace(
+            self,
+            rates=self.rates if rated else outer.rates,
+            reduced=self.reduced or ([] if rated else outer.reduced),
+            start=outer.start if self.start is None else self.start,
+            unit=self.unit or outer.unit,
+        )
 
     def rate(self) -> tuple[float, ...] | None:
         """Return the rates [1/s], one or one a column; None if none is stated.
@@ -451,8 +477,8 @@ class StatedClock:
         if (rate := self.rate()) and self.reduced:
             message = (
                 f"'{self.reduced[0]}' is stated beside a sample rate of {rate[0]:.6g} Hz, which "
-                "may be that before or that of the rows; leave the line out, or state the rate of "
-                "the rows"
+                "may be that before or that of the rows; state the rate of the rows alone, or "
+                "give their times"
             )
             raise ValueError(message)
         return rate
@@ -516,8 +542,8 @@ def _rates(
         own = _unit_of_clock(number[1] or unit)
         if own in HERTZ or (own == "" and kind in ("rate", "weak")):
             rate = number[0] * HERTZ.get(own, 1.0)
-        elif own in SECONDS and not (own == "" and kind == "either"):
-            step = number[0] * SECONDS[own]
+        elif is_time_unit(own) or (own == "" and kind != "either"):
+            step = number[0] * seconds_of(own)
             rate = 1.0 / step if step else np.inf
         elif kind in ("weak", "either"):
             return ()
@@ -535,5 +561,5 @@ def _unit_of_clock(text: str) -> str:
     """Return a unit of a rate or a time without words behind it ("Hz (all channels)")."""
     text = text.strip("[]() ,;").lower()
     first, _, more = text.partition(" ")
-    known = text in HERTZ or text in SECONDS or any(character.isdigit() for character in more)
+    known = text in HERTZ or is_time_unit(text) or any(character.isdigit() for character in more)
     return text if known else first.strip("[]() ,;")

@@ -29,6 +29,7 @@ from turnout.measurement.formats.named_arrays import (
     columns_of_arrays,
     gains_not_applied,
     stated_clock,
+    time_unit_of,
 )
 from turnout.measurement.formats.time_axis import moment_of
 from turnout.measurement.recording import Recording
@@ -61,21 +62,22 @@ class Content:
         self._declared = Declared(path)
         self._seen: set[Any] = set()
 
-    def datasets(self) -> Iterator[tuple[str, h5py.Dataset]]:
-        """Yield each dataset with its path in the file."""
-        yield from self._within(self._file, "", 0)
+    def datasets(self) -> Iterator[tuple[str, h5py.Dataset, str]]:
+        """Yield each dataset with its path in the file and the unit of times around it."""
+        yield from self._within(self._file, "", 0, "")
 
     def _within(
-        self, group: h5py.Group, prefix: str, depth: int
-    ) -> Iterator[tuple[str, h5py.Dataset]]:
+        self, group: h5py.Group, prefix: str, depth: int, unit: str
+    ) -> Iterator[tuple[str, h5py.Dataset, str]]:
         if depth > LARGEST_DEPTH:
             message = f"{self._path}: its groups are nested deeper than {LARGEST_DEPTH}"
             raise FileError(message + "; save it again, flatter")
+        unit = time_unit_of(_attributes(group)) or unit
         for name, item in self.members(group, prefix):
             if isinstance(item, h5py.Group):
-                yield from self._within(item, f"{name}/", depth + 1)
+                yield from self._within(item, f"{name}/", depth + 1, unit)
             elif isinstance(item, h5py.Dataset):
-                yield name, item
+                yield name, item, unit
 
     def members(self, group: h5py.Group, prefix: str = "") -> Iterator[tuple[str, Any]]:
         """Yield the members of a group that no group before it held, with their paths."""
@@ -151,8 +153,8 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
         content = Content(path, file, allow_outside=allow_outside)
         found = _Found(str(path))
         with refused_of(path):
-            for name, item in content.datasets():
-                found.take_dataset(name, item, content)
+            for name, item, unit in content.datasets():
+                found.take_dataset(name, item, content, unit)
             found.take_groups(file)
         found.problems = [*content.problems, *found.problems]
         return found.recording(_attributes(file))
@@ -173,7 +175,7 @@ def read_netcdf3(path: Path) -> Recording:
         with refused_of(path):
             for name, item in file.variables.items():
                 own = {str(key).lower(): value for key, value in item.attrs.items()}
-                found.take(str(name), item.to_numpy(), own)
+                found.take(str(name), item.to_numpy(), own, time_unit_of(attributes))
                 found.scale(str(name), item.shape, item.dims)
     found.take_attributes("", attributes)
     return found.recording(attributes)
@@ -205,7 +207,7 @@ class _Found:
             remedy=NO_TIME,
         )
 
-    def take_dataset(self, name: str, item: h5py.Dataset, content: Content) -> None:
+    def take_dataset(self, name: str, item: h5py.Dataset, content: Content, time_unit: str) -> None:
         """Take a dataset of HDF5 as a table, a list of texts, a number or a channel."""
         if _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
             return
@@ -217,9 +219,10 @@ class _Found:
         if item.dtype.kind in "OS" and wanted:
             self.texts[name] = [_text(value) for value in np.ravel(content.read(item))]
         if item.dtype.names:
-            self._take_table(name, content.read(item), _attributes(item))
+            self._take_table(name, content.read(item), _attributes(item), time_unit)
         if item.dtype.kind in "biuf" and item.ndim <= 2:
-            self.take(name, content.read(item) if item.size else np.zeros(0), _attributes(item))
+            held = content.read(item) if item.size else np.zeros(0)
+            self.take(name, held, _attributes(item), time_unit)
 
     def scale(self, name: str, shape: Sequence[int], dims: Sequence[Hashable]) -> None:
         """Keep the name of the dimension along which an array is longest, where it has one."""
@@ -227,7 +230,7 @@ class _Found:
         if longest is not None and (along := str(dims[longest])):
             self.scales[name] = along
 
-    def take(self, name: str, held: Any, attributes: dict[str, Any]) -> None:
+    def take(self, name: str, held: Any, attributes: dict[str, Any], time_unit: str) -> None:
         """Take an array with its attributes as a number or a channel; texts are left out."""
         held = np.asarray(held)
         if held.dtype.kind not in "biuf" or held.ndim > 2:
@@ -236,7 +239,7 @@ class _Found:
             self.columns.append(FileColumn(name, np.zeros(0)))
             return
         last = name.rsplit("/", 1)[-1]
-        clock = stated_clock(attributes, own=True)
+        clock = stated_clock(attributes, own=True, unit=time_unit)
         rate, unit = clock.rate_of_rows(), _first(attributes, UNITS)
         values = _unpacked(held, attributes)
         self.problems += gains_not_applied(name, attributes)
@@ -244,16 +247,18 @@ class _Found:
         if rate is None or held.ndim > 1 or since:
             if rate is not None:
                 self.arrays[f"{name}/sample_rate"] = np.array(rate[0])
-            if clock.start:
-                self.arrays[f"{name}/start"] = np.array(clock.start)
+            if clock.start is not None:
+                self.arrays[f"{name}/start_sec"] = np.array(clock.start)
             self.arrays[name], self.units[name] = values, unit
             return
         shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)
         begin = moment_of(_first(attributes, START_TIMES))
         column = FileColumn(shown, values.reshape(-1), tidy_unit(unit), described)
-        self.columns.append(replace(column, rate=rate[0], start=clock.start, begin=begin))
+        self.columns.append(replace(column, rate=rate[0], start=clock.start or 0.0, begin=begin))
 
-    def _take_table(self, name: str, cells: Any, attributes: dict[str, Any]) -> None:
+    def _take_table(
+        self, name: str, cells: Any, attributes: dict[str, Any], time_unit: str
+    ) -> None:
         units = {key: _text(value) for key, value in attributes.items()}
         cells_of = [
             TableColumn(field, _cells(cells[field]), units.get(f"{field.lower()}_unit", ""))
@@ -261,7 +266,7 @@ class _Found:
             if cells[field].ndim == 1
         ]
         source = f"{self.source}: '{name}'"
-        table = Table(cells_of, stated_clock(attributes), source, alone=False)
+        table = Table(cells_of, stated_clock(attributes, unit=time_unit), source, alone=False)
         columns, remarks = table_columns(table)
         self.columns += columns
         self.problems += remarks
@@ -270,7 +275,10 @@ class _Found:
         """Take single attributes of the file or a group as variables in it."""
         for key, value in attributes.items():
             single = np.ravel(value)
-            if single.size == 1 and single.dtype.kind in "biuf":
+            if key == "x0":
+                what = f"'{folder}{key}' ({value}) is not applied, as it may be a place"
+                self.problems.append(f"{what}; a start of times is 'start' [s]")
+            elif single.size == 1 and single.dtype.kind in "biuf":
                 self.arrays.setdefault(f"{folder}{key}", single)
             elif single.size == 1 and isinstance(single[0], str | bytes):
                 self.texts.setdefault(f"{folder}{key}", [_text(single)])

@@ -51,7 +51,7 @@ def read_json(path: Path) -> Recording | Table:
             message = f"{path}: is no JSON (line {error.lineno}: {error.msg}); export it again"
             raise FileError(message) from None
     with refused_of(path):
-        return _found(path, held, StatedClock())
+        return _found(path, held)
 
 
 def _rows_of_lines(text: str) -> list[Any]:
@@ -62,12 +62,13 @@ def _rows_of_lines(text: str) -> list[Any]:
         return []
 
 
-def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
+def _found(path: Path, held: Any) -> Recording | Table:
     units: dict[str, str] = {}
+    facts: list[dict[str, Any]] = []
     for _ in range(_LARGEST_DEPTH):
         table = _columns(held)
         if isinstance(held, Mapping):
-            _facts(held, stated, units)
+            facts += _facts(held, units)
         if table is not None:
             break
         inner = list(held.values()) if isinstance(held, Mapping) else []
@@ -78,6 +79,7 @@ def _found(path: Path, held: Any, stated: StatedClock) -> Recording | Table:
     else:
         message = f"its table is nested deeper than {_LARGEST_DEPTH}"
         raise ValueError(message)
+    stated = stated_clock(*facts, own=True)
     if isinstance(held, list):
         channels, problems = _channels(held, stated, str(path))
         if channels:
@@ -112,23 +114,19 @@ def _scalars(held: Mapping[Any, Any]) -> dict[str, Any]:
     return {str(key): v for key, v in held.items() if type(v) in (str, int, float)}
 
 
-def _facts(held: Mapping[str, Any], stated: StatedClock, units: dict[str, str]) -> None:
-    """Read the clock and units in single values, also those of an object without lists."""
+def _facts(held: Mapping[str, Any], units: dict[str, str]) -> list[dict[str, Any]]:
+    """Return single values, also those of objects without lists, and take units of channels."""
+    facts = []
     for key, value in held.items():
         if squeezed(key) in _UNITS and isinstance(value, Mapping):
             units |= {str(name): str(unit) for name, unit in value.items()}
         elif isinstance(value, Mapping) and not any(
             isinstance(inner, Mapping | list) for inner in value.values()
         ):
-            inside = StatedClock()
-            _facts(value, inside, units)
-            stated.rates += inside.rates
-            stated.moments += inside.moments
-            stated.start = inside.start or stated.start
-            stated.unit = inside.unit or stated.unit
-            stated.reduced += inside.reduced
-            stated.turning |= inside.turning
-    stated_clock(_scalars(held), stated=stated, own=True)
+            # A rate of another object may be that of anything.
+            rates = ("rate", "ratehz", "ratekhz")
+            facts.append({k: v for k, v in _scalars(value).items() if squeezed(k) not in rates})
+    return [*facts, _scalars(held)]
 
 
 def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
@@ -196,7 +194,7 @@ def _channels(
 ) -> tuple[list[FileColumn], list[str]]:
     """Return channels that each have their name, clock and samples, and remarks.
 
-    None if it is no such list.
+    Both are empty if it is no such list.
     """
     found: list[FileColumn] = []
     problems: list[str] = []
@@ -208,8 +206,8 @@ def _channels(
             return [], []
         bare, unit = named_unit(name, next((str(item[keys[k]]) for k in _UNITS if k in keys), ""))
         times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
-        own = stated_clock(_scalars(item), own=True)
-        clock = own if own.rate() else replace(own, rates=stated.rates)
+        own = stated_clock(_scalars(item), own=True, unit=stated.unit)
+        clock = own.within(stated)
         columns = [TableColumn(key, _cells(cells)) for key, cells in times.items()]
         columns.append(TableColumn(bare, _cells(values), unit))
         table = Table(columns, clock, source, remedy=NO_TIME, alone=False)

@@ -128,36 +128,46 @@ def columns_of_arrays(
     return columns, problems
 
 
-def stated_clock(
-    values: Mapping[str, Any], *, own: bool = False, stated: StatedClock | None = None
-) -> StatedClock:
+def stated_clock(*facts: Mapping[str, Any], own: bool = False, unit: str = "") -> StatedClock:
     """Return the clock that names and their single values state.
 
     Parameters
     ----------
-    values : mapping of str to object
+    *facts : mapping of str to object
         Single values by name.
     own : bool
         Whether they describe one channel, of which a "rate" is the sample rate; that of a group
         may be a shaft's.
-    stated : StatedClock, optional
-        What was stated before, to which they are added.
+    unit : str
+        Unit of times that is stated around them; their own goes before it.
 
     Examples
     --------
     >>> stated_clock({"bearing.sr": 97656.0, "bearing.rate": 25.0}).rate()
     (97656.0,)
     """
-    stated = stated or StatedClock()
-    for name, value in values.items():
-        stated.read_unit(name, [str(np.ravel(value)[0])] if np.size(value) else [""])
-    for name, value in values.items():
-        unit = str(values.get(f"{name}_unit", ""))
-        for item in np.ravel(value)[:1].tolist():
-            text = item.decode() if isinstance(item, bytes) else item
-            stated.read(_last(name), [text], unit=unit) or stated.read(name, [text], unit=unit)
+    stated = StatedClock(unit=time_unit_of(*facts) or unit)
+    for values in facts:
+        for name, value in values.items():
+            its = str(values.get(f"{name}_unit", ""))
+            for text in _single(value):
+                stated.read(_last(name), [text], unit=its) or stated.read(name, [text], unit=its)
     stated.turning |= not own
     return stated
+
+
+def time_unit_of(*facts: Mapping[str, Any]) -> str:
+    """Return the unit of times that names and their single values state; empty if they do not."""
+    stated = StatedClock()
+    for name, value in (item for values in facts for item in values.items()):
+        stated.read_unit(name, [str(text) for text in _single(value)])
+    return stated.unit
+
+
+def _single(value: Any) -> list[Any]:
+    """Return the first item of a value, bytes as a text; empty if it has none."""
+    items = np.ravel(value)[:1].tolist()
+    return [item.decode(errors="replace") if isinstance(item, bytes) else item for item in items]
 
 
 def gains_not_applied(name: str, attributes: Mapping[str, Any]) -> list[str]:
@@ -174,25 +184,29 @@ def _stated_clocks(values: Mapping[str, Any]) -> dict[str, StatedClock]:
     folders: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         folders.setdefault(_folder(name), {})[name] = value
-    return {folder: stated_clock(inner) for folder, inner in folders.items()}
+    clocks: dict[str, StatedClock] = {}
+    for folder in sorted(folders, key=len):
+        clocks[folder] = stated_clock(folders[folder], unit=_around(folder, clocks).unit)
+    return clocks
 
 
 def _clock_of(name: str, stated: Mapping[str, StatedClock]) -> StatedClock:
-    """Return what the folders around a name state, the nearest first; or the only clock there is.
+    """Return the clock of the folders around a name, or the only clock there is."""
+    clock = _around(name, stated)
+    rated = [clock for clock in stated.values() if clock.rates]
+    return rated[0] if not clock.rates and len(rated) == 1 else clock
+
+
+def _around(name: str, stated: Mapping[str, StatedClock]) -> StatedClock:
+    """Return the clock of the folders around a name, the nearest first.
 
     An inner one may only tell when its channel starts.
     """
-    around = sorted((folder for folder in stated if f"{name}/".startswith(folder)), key=len)
-    clock = StatedClock()
-    for inner in (stated[folder] for folder in around):
-        clock = StatedClock(
-            rates=inner.rates or clock.rates,
-            reduced=inner.reduced or clock.reduced,
-            start=inner.start or clock.start,
-            unit=inner.unit or clock.unit,
-        )
-    rated = [clock for clock in stated.values() if clock.rates]
-    return rated[0] if not clock.rates and len(rated) == 1 else clock
+    clock, path = StatedClock(), f"{name}/"
+    for end in (0, *(match.end() for match in re.finditer("[./]", path))):
+        if inner := stated.get(path[:end]):
+            clock = inner.within(clock)
+    return clock
 
 
 def _folder(name: str) -> str:
@@ -207,8 +221,8 @@ def _timed(
         rate = clock.rate()
         remark = (rate_remark(axis.seconds, rate[0]) if rate else "") or axis.remark
         return FileColumn(name, values, unit, time=axis.seconds, begin=axis.begin, remark=remark)
-    rate = clock.rate_of_rows()
-    return FileColumn(name, values, unit, rate=rate[0] if rate else None, start=clock.start)
+    rate, start = clock.rate_of_rows(), clock.start or 0.0
+    return FileColumn(name, values, unit, rate=rate[0] if rate else None, start=start)
 
 
 def _vector(array: NDArray[Any]) -> NDArray[Any] | None:

@@ -156,8 +156,7 @@ def read_tdms(path: Path) -> Recording:
 
     columns: list[FileColumn] = []
     problems: list[str] = []
-    reader.OrderedDict = _Properties
-    with _log_as_problems(log, problems), nptdms.TdmsFile.open(path) as file:
+    with _changes_kept(reader), _log_as_problems(log, problems), nptdms.TdmsFile.open(path) as file:
         groups = file.groups()
         declared = Declared(path)
         for group in groups:
@@ -196,7 +195,7 @@ def _tdms_group(
             bare, unit = named_unit(channel.name, unit)
             tables.setdefault(values.size, []).append(TableColumn(bare, values, unit, described[1]))
             continue
-        column = FileColumn(name, values, *described, rate=rate[0], start=clock.start)
+        column = FileColumn(name, values, *described, rate=rate[0], start=clock.start or 0.0)
         if isinstance(moment := own.get("wf_start_time"), np.datetime64):
             column = replace(column, begin=moments_axis(np.array([moment], "M8[us]")).begin)
         columns.append(column)
@@ -216,9 +215,19 @@ class _Properties(OrderedDict[str, Any]):
     """Properties of a TDMS object; one that changes between segments holds both as a text."""
 
     def __setitem__(self, key: str, value: Any) -> None:
-        first, then, _ = str(self.get(key) or value).partition(_THEN)
+        first, then, _ = str(self.get(key, value)).partition(_THEN)
         changed = then or str(value) != first
         super().__setitem__(key, f"{first}{_THEN}{value}" if changed else value)
+
+
+@contextmanager
+def _changes_kept(reader: Any) -> Iterator[None]:
+    """Keep both values of a property that changes while TDMS is read."""
+    plain, reader.OrderedDict = reader.OrderedDict, _Properties
+    try:
+        yield
+    finally:
+        reader.OrderedDict = plain
 
 
 _TDMS_TEXTS = ("wf_start_time", "description", "unit_string", "NI_ChannelName")
