@@ -4,6 +4,7 @@ import json
 from collections import OrderedDict
 from collections.abc import Callable
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 
 import h5py
@@ -69,11 +70,14 @@ def test_samples_left_out_of_named_arrays(tmp_path: Path, more: dict[str, object
     scipy_io.savemat(tmp_path / "throw.mat", {"fs": 1000.0, "Force": FORCE, **more})
     with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
         read_recording(tmp_path / "throw.mat")
-    for own in (False, True):
+    for rated, left_out in product((False, True), repeat=2):
         with h5py.File(tmp_path / "throw.h5", "w") as file:
             channel = file.create_dataset("Force", data=FORCE)
-            for key, value in {"fs": 1000.0, **more}.items():
-                (channel if own else file).attrs[key] = value
+            (channel if rated else file).attrs["fs"] = 1000.0
+            (channel if left_out else file).attrs.update(more)
+        if rated and not left_out:  # the rate of the rows
+            assert read_recording(tmp_path / "throw.h5").channel("Force").rate == 1000.0
+            continue
         with pytest.raises(FileError, match="is stated beside a sample rate of 1000 Hz"):
             read_recording(tmp_path / "throw.h5")
 

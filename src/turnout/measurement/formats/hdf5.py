@@ -249,6 +249,8 @@ class _Found:
                 self.arrays[f"{name}/sample_rate"] = np.array(rate[0])
             if clock.start is not None:
                 self.arrays[f"{name}/start_sec"] = np.array(clock.start)
+            for key, _, text in (said.partition(": ") for said in clock.reduced):
+                self.texts[f"{name}/{key}"] = [text]
             self.arrays[name], self.units[name] = values, unit
             return
         shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)
