@@ -402,6 +402,29 @@ def test_choices_that_are_alike_are_both_said_and_widen_the_intervals(
     assert (after - before)[1, 1] == pytest.approx(share * 0.01**2, rel=0.05)
 
 
+def test_a_rival_that_is_taken_up_later_is_none(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, left, _ = fitted_alone
+    first, alike = choices_of(50.0, 40.0)
+    rounds = iter([([first, alike], 60.0), ([first], 30.0), ([], 30.0)])
+
+    def trials(*_: object, **__: object) -> list[list[cause_trials.TestedCause]]:
+        choices, left["first"] = next(rounds)
+        return choices
+
+    monkeypatch.setattr(causes, "candidate_causes", lambda *_: ())
+    monkeypatch.setattr(causes, "cause_trials", trials)
+    monkeypatch.setattr(causes, "continued", lambda found, *_, **__: found)
+    monkeypatch.setattr(causes, "explained_by", lambda *_: 0.0)
+    monkeypatch.setattr(causes, "without", lambda search, *_: search)
+    monkeypatch.setattr(causes.CauseSearch, "is_as_likely", lambda *_: False)
+    monkeypatch.setattr(causes.CauseSearch, "ended", lambda search, _: search)
+    search = causes.with_causes(start, start.misfit, load_panel("sb1"))
+    assert [item.name for item in search.taken] == ["alike", "first"]
+    assert search.rivals == ()
+
+
 def test_movements_that_do_not_slip_keep_the_common_level() -> None:
     whole = misfit([movement("m", rng=np.random.default_rng(0))])
     found = fit(whole, PARAMETERS, TRUE)

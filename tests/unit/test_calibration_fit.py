@@ -344,7 +344,7 @@ def test_beside_causes_a_model_may_miss_no_more_than_another_solver(
     assert len(distrust_reasons(found, spread)) == alone
     reasons = distrust_reasons(found, spread, ["bushing shape", "bushing shape"])
     assert len(reasons) == beside
-    assert not reasons or "bushing shape explain it only in part" in reasons[0]
+    assert not reasons or "bushing shape explains it only in part" in reasons[0]
 
 
 def test_sensitivities_are_those_of_the_residuals() -> None:

@@ -86,16 +86,22 @@ class Rival:
 
     Attributes
     ----------
+    causes : tuple of str
+        Their names.
     text : str
         Its causes in words.
     odds : float
         Its probability over that of the one taken up [-].
+    probability : float
+        Among the choices that were fitted with it [-].
     moves : mapping of str to float
         By parameter how far its fit is from the fit of the one taken up [coordinate].
     """
 
+    causes: tuple[str, ...]
     text: str
     odds: float
+    probability: float
     moves: Mapping[str, float]
 
     @property

@@ -228,10 +228,11 @@ def with_causes(
         if is_worth_a_search(found):
             found = continued(found, first, rounds=MOST_ROUNDS)
         left = tuple(cause for cause in left if all(cause.goes_with(item.cause) for item in choice))
+    names = {item.name for item in taken}
     # The likeliest of each name, where those that were taken up do not explain what it does.
     others = dict[str, TestedCause]()
     for item in tested if misses else ():
-        if item.name not in {known.name for known in taken}:
+        if item.name not in names:
             others.setdefault(item.name, item)
     search = CauseSearch(
         found=found,
@@ -240,7 +241,7 @@ def with_causes(
         taken=tuple(taken),
         stopped=throws_done(first.evaluator) - begun if misses and is_spent() else 0,
         others=tuple(others.values()),
-        rivals=tuple(rivals),
+        rivals=tuple(item for item in rivals if not names.issuperset(item.causes)),
         misses=misses,
     )
     # One that was taken up before the right one would hold back the end, and others with it.
@@ -338,18 +339,21 @@ class FittedChoice:
 def _rivals(fitted: Sequence[FittedChoice]) -> list[Rival]:
     """Return the choices about as likely as the first of them."""
     best = fitted[0]
+    odds = [float(np.exp(0.5 * (best.evidence - found.evidence))) for found in fitted]
     return [
         Rival(
+            causes=tuple(cause.name for cause in found.choice),
             text=" and ".join(f"{cause.name}: {cause.text}" for cause in found.choice),
-            odds=float(np.exp(0.5 * (best.evidence - found.evidence))),
+            odds=own,
+            probability=own / sum(odds),
             moves={
                 item.name: item.coordinate(found.found.values[item.name])
                 - item.coordinate(best.found.values[item.name])
                 for item in best.found.parameters
-                if item.name in {own.name for own in found.found.parameters}
+                if item.name in {same.name for same in found.found.parameters}
             },
         )
-        for found in fitted[1:]
+        for found, own in zip(fitted[1:], odds[1:], strict=True)
         if found.evidence < best.evidence + ALIKE
     ]
 

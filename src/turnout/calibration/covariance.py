@@ -150,10 +150,9 @@ def spread_of(
     for column in (*solver_columns(found), *of_panel):
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
-    total = 1.0 + sum(item.odds for item in rivals)
     for rival in rivals:
         move = np.array([rival.moves.get(item.name, 0.0) for item in parameters])
-        whole = whole + rival.odds / total * np.outer(move, move)
+        whole = whole + rival.probability * np.outer(move, move)
     scale_move = _of_scale(found)
     whole = whole + np.diag(_of_chairs(found) ** 2) + np.outer(scale_move, scale_move)
     sizes = np.sqrt(np.diag(whole))

@@ -263,7 +263,9 @@ def distrust_reasons(final: Fit, spread: Spread, causes: Sequence[str] = ()) -> 
             )
     movements = final.misfit.movements
     peaks, share = peaks_of(movements), 1.0 if causes else CLEARLY
-    tried = f"{' and '.join(dict.fromkeys(causes))} explain it only in part" if causes else NO_CAUSE
+    names = list(dict.fromkeys(causes))
+    explain = "explains" if len(names) == 1 else "explain"
+    tried = f"{' and '.join(names)} {explain} it only in part" if names else NO_CAUSE
     # Intervals allow for an error that acts like noise, not for one that a value can imitate.
     found += [
         f"{channel_name(*key)}: model error {missed:.3g} N, {100 * missed / peaks[key]:.2g} % of "

@@ -15,7 +15,8 @@ from turnout.core.errors import ResponseError
 from turnout.core.moving_average import WINDOW, whole_count, window_samples
 from turnout.core.running_current import running_time
 from turnout.kernels.force_features import COUNT, FEWEST, SCRATCH_ROWS, measure_movements
-from turnout.throw.slip import TIME_TOLERANCE, Span, movements
+from turnout.solver.record import TIME_TOLERANCE
+from turnout.throw.slip import Span, movements
 
 if TYPE_CHECKING:
     import xarray as xr

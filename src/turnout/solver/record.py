@@ -221,6 +221,7 @@ def _nothing_seen(rails: CondensedRails) -> SeenRows:
 
 
 TIME_TOLERANCE = 1e-9
+"""Instants nearer to an onset or an end than this are at it [s]."""
 BALANCE_EVERY = 8
 """Kept instants of a watched run from one check of its energy balance to the next."""
 

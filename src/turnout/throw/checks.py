@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from turnout.core.value_text import shown_unit
 from turnout.panel.gauge_limits import allowed_speed
 from turnout.panel.lock_rule import LOCK_RULES, SLIP, DriveStates, LockCriterion, criteria_of
+from turnout.solver.record import TIME_TOLERANCE
 from turnout.throw.slip import (
     LEAST_SHARE,
-    TIME_TOLERANCE,
     Slip,
     Span,
     movements,

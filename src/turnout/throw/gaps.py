@@ -14,7 +14,7 @@ from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.solver.condense import CondensedRails
-from turnout.solver.record import SeenRows
+from turnout.solver.record import TIME_TOLERANCE, SeenRows
 from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows
 from turnout.throw.recovery import (
     CondensedShapes,
@@ -158,7 +158,7 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    starts = np.searchsorted(time, [[throw.start - 1e-9 for throw in throws(panel)]])
+    starts = np.searchsorted(time, [[throw.start - TIME_TOLERANCE for throw in throws(panel)]])
     at_drives, at_sensors = split_gaps_of(panel, [gaps], starts, kind=np.float64)
     return at_drives[0], at_sensors[0]
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from turnout.core.lru_cache import SharedResults
 from turnout.panel.markers import movement_end, ordered_movements
 from turnout.panel.model import Panel
+from turnout.solver.record import TIME_TOLERANCE
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -87,7 +88,7 @@ def closed_spans(panel: Panel, time: Floats) -> list[tuple[int, int, bool]]:
     """
     found, begin, closed = list[tuple[int, int, bool]](), 0, panel.schedule.starts == "closed"
     moved = throws(panel)
-    onsets = time.searchsorted([throw.start - 1e-9 for throw in moved]).tolist()
+    onsets = time.searchsorted([throw.start - TIME_TOLERANCE for throw in moved]).tolist()
     for throw, onset in zip(moved, onsets, strict=True):
         found.append((begin, onset, closed))
         begin, closed = onset, throw.to == "closed"
@@ -106,7 +107,7 @@ def wants_closed(panel: Panel, time: Floats, starts: Floats) -> Flags:
 
     Onsets of the movements have the shape (..., n_movements), times and flags (..., n_times) [s].
     """
-    begun = time[..., np.newaxis, :] >= starts[..., np.newaxis] - 1e-9
+    begun = time[..., np.newaxis, :] >= starts[..., np.newaxis] - TIME_TOLERANCE
     closed = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
     return np.asarray(np.array(closed)[begun.sum(axis=-2)])
 
@@ -140,6 +141,6 @@ def rests_between(time: Floats, starts: Floats, ends: Floats) -> Flags:
     Onsets and ends of the movements have the shape (..., n_movements) [s].
     """
     instants = time[..., np.newaxis, :]
-    moves = instants >= starts[..., np.newaxis] - 1e-9
-    moves &= instants < ends[..., np.newaxis] - 1e-9
+    moves = instants >= starts[..., np.newaxis] - TIME_TOLERANCE
+    moves &= instants < ends[..., np.newaxis] - TIME_TOLERANCE
     return np.asarray(~moves.any(axis=-2))

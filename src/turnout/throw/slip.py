@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.solver.driven import Duty
+from turnout.solver.record import TIME_TOLERANCE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,7 +20,6 @@ Flags = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 LEAST_SHARE = 0.1
-TIME_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

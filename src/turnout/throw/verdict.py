@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from turnout.core.channels import BREAK_NOTE
+from turnout.solver.record import TIME_TOLERANCE
 from turnout.throw.checks import (
     GAUGE,
     OF_WHEELS,
@@ -22,7 +23,7 @@ from turnout.throw.checks import (
     format_force,
     unmet,
 )
-from turnout.throw.slip import TIME_TOLERANCE, Span, periods, unfinished
+from turnout.throw.slip import Span, periods, unfinished
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from turnout.metric.features import FEATURES, run_features
 from turnout.panel.lock_rule import DriveStates
+from turnout.solver.record import TIME_TOLERANCE
 from turnout.study.sweep.throw_group import AlikeThrows, ThrowSignals
 from turnout.throw.breaking import BLOW_SHARE, COARSE_BLOW_SHARE
 from turnout.throw.checks import OF_WHEELS, SWITCHED_OFF, Check, sensor_judges
@@ -21,7 +22,7 @@ from turnout.throw.lock_and_control import (
     states_at,
 )
 from turnout.throw.route import rail_closes_after, rests_between, sensor_rails
-from turnout.throw.slip import TIME_TOLERANCE, first_slips, switched_off_by
+from turnout.throw.slip import first_slips, switched_off_by
 from turnout.throw.verdict import KINDS, Kind, TrappedItem, judge_objects, kind_of
 
 Floats = NDArray[np.float64]

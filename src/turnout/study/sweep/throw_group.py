@@ -18,7 +18,7 @@ from turnout.mechanism.mechanism import LawIndex
 from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets
 from turnout.solver.driven import Duty
-from turnout.solver.record import Watched
+from turnout.solver.record import TIME_TOLERANCE, Watched
 from turnout.throw.flangeway import DistancesFound, MovementEnds
 from turnout.throw.gaps import split_gaps_of
 from turnout.throw.lock_and_control import state_limits
@@ -30,7 +30,7 @@ from turnout.throw.signals import (
     object_rows,
     slip_forces,
 )
-from turnout.throw.slip import TIME_TOLERANCE, Span, late_movements
+from turnout.throw.slip import Span, late_movements
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -43,8 +43,6 @@ OF_DRIVES = ("drive_force", "drive_displacement", "drive_slipping")
 OF_OBJECTS = ("object_force", "single_object_force")
 STACKED_CHANNELS = (*OF_DRIVES, *OF_OBJECTS, *GAPS)
 """Channels that are made for many throws at once."""
-EARLY = 1e-9
-"""So much before its onset a movement decides which rail is to be closed [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,7 +240,7 @@ def lay_together(runs: Sequence[ThrowSignals]) -> AlikeThrows:
     starts = np.array([[item.start for item in run.moved] for run in runs])
     rests = np.array([run.watched.rests for run in runs])
     limits = [state_limits(run.panel) for run in runs]
-    late_by = starts - EARLY
+    late_by = starts - TIME_TOLERANCE
     seen = [run.watched.seen.T for run in runs], np.searchsorted(time[::stride], late_by)
     resting = [run.watched.seen_rests.T for run in runs]
     rest_starts = (time[rests][:, np.newaxis] < late_by[..., np.newaxis]).sum(axis=-1)
