@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from tests.unit.test_calibration_fit import (
     BIN,
     ONSET,
@@ -27,6 +29,8 @@ from turnout.calibration.misfit import Misfit
 from turnout.calibration.result_entries import distrust_reasons
 from turnout.calibration.stages import Parameter
 from turnout.panel.load import load_panel
+
+Floats = NDArray[np.float64]
 
 
 class Rough(MadeUp):
@@ -72,6 +76,24 @@ def test_planes_without_an_end_are_no_convergence(monkeypatch: pytest.MonkeyPatc
     assert reason.startswith("the last stage stopped after 16 planes before convergence")
     assert "--fix" in reason
     assert abs(off(found)) < 2.6
+
+
+def test_steps_to_and_fro_end_half_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With half of its slope the stiffness would go as far beyond with every plane."""
+    whole = misfit(alike(3, seed=5))
+    found = fit(whole, PARAMETERS, TRUE)
+    true_slopes = fit_module.jacobian
+
+    def half(*given: Any) -> Floats:
+        slopes = true_slopes(*given)
+        slopes[:, 1] *= 0.5
+        return slopes
+
+    monkeypatch.setattr(fit_module, "jacobian", half)
+    start = replace(found, values={**found.values, "k": 1.005 * found.values["k"]})
+    again = fit_module.smooth_end(start, whole)
+    assert again.converged
+    assert again.values["k"] == pytest.approx(found.values["k"], rel=1e-4)
 
 
 def test_planes_without_an_end_lead_back_to_single_throws(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -222,6 +222,8 @@ BRIEF_REJECTED = 4
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
 # step goes at most [reaches].
 SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 16, 0.3, 3, 10.0
+# A step turns back where the cosine between what it and the one before change is below this [-].
+TURNED_BACK = -0.5
 # Planes from a brief fit before single throws lead on: right models come to their end in 4 to 7.
 FIRST_PASSES = 8
 # How many movements the expected scatter counts for beside those that were measured.
@@ -411,7 +413,7 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
     """
     names, misfit, values = [p.name for p in found.parameters], found.misfit, found.values
     known, J = found.local, found.jacobian
-    thrown = dict[int, Thrown]()
+    thrown, gain, before = dict[int, Thrown](), 1.0, np.zeros(len(names))
     for number in range(1, 1 + (SMOOTH_PASSES if most is None else most)):
         try:
             wide = reaches_of(found.parameters, J, misfit.comparison.scatter)
@@ -423,6 +425,10 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
         misfit = about_clock(misfit, frame)
         r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
         step, predicted_decrease = bounded_step(r, J, found.parameters, values, 0.0)
+        # Steps to and fro, as slopes that are too small make them, have their end half-way.
+        if _turns_back(J, before, step):
+            gain = 0.5
+        before, step = step, gain * step
         # Beyond, planes are no longer those of the responses.
         far = np.linalg.solve(REACH * wide, step)
         step = step * min(1.0, SMOOTH_STEP / float(np.abs(far).max(initial=1e-9)))
@@ -455,6 +461,12 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
             break
         misfit = replace(again, effects=effects)
     return found
+
+
+def _turns_back(J: Floats, before: Floats, step: Floats) -> bool:
+    """Return whether a step goes back most of the way of the one before, by what both change."""
+    old, new = J @ before, J @ step
+    return float(old @ new) < TURNED_BACK * float(np.linalg.norm(old) * np.linalg.norm(new))
 
 
 @one_blas_thread()
