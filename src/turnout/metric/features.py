@@ -223,7 +223,7 @@ def _measured(
         halves = [window_samples(window, rate=rate) // 2 for window in (WINDOW, SLOW)]
         samples = np.array([*halves, max(1, whole_count(WINDOW * rate))])
         measure_movements(
-            np.require(time, np.float64, ["C", "W"]),
+            _as_kernels_take(time),
             force,
             travel,
             windows,

@@ -268,14 +268,9 @@ class MachineHistory:
         find_slips(time, slip, ons, travel, (SLIP_ROUNDING, LEAST_SLIP), found)
         return found.astype(np.bool_)
 
-    @cached_property
-    def _energies(self) -> Floats:
-        """Sums of energy, shape (n_sums, n_booked, n) [J]."""
-        return np.ascontiguousarray(self.booked[:, :, at.ENERGIES :].transpose(2, 0, 1))
-
     def sums(self, *places: int) -> Floats:
         """Return sums of energy over time, shape (n_booked, n) [J]."""
-        return functools.reduce(np.add, (self._energies[place] for place in places))
+        return functools.reduce(np.add, (self.booked[:, :, at.ENERGIES + p] for p in places))
 
     @cached_property
     def losses(self) -> Mapping[str, Floats]:
@@ -315,11 +310,8 @@ class MachineHistory:
         """Add the machines to residual and scale of the rails' balance [J]."""
         if not self.time.size:
             return residual, scale
-        taken = (
-            self.booked[:, :, at.ENERGIES + at.SUPPLY] + self.booked[:, :, at.ENERGIES + at.HAND]
-        )
         worst = sum_machines(np.abs(self.residual)).max()
-        turned_over = sum_machines(np.abs(taken)).max()
+        turned_over = sum_machines(np.abs(self.sums(at.SUPPLY, at.HAND))).max()
         return residual + float(worst), scale + float(turned_over)
 
 

@@ -14,7 +14,7 @@ from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height
 from turnout.panel.records import StockRail
 from turnout.solver.condense import CondensedRails
-from turnout.solver.record import TIME_TOLERANCE, SeenRows
+from turnout.solver.record import SeenRows
 from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows
 from turnout.throw.recovery import (
     CondensedShapes,
@@ -29,7 +29,7 @@ from turnout.throw.recovery import (
     row_terms,
     stack_terms,
 )
-from turnout.throw.route import closed_rail, throws
+from turnout.throw.route import closed_in_turn, closed_rail, first_instants
 
 Floats = NDArray[np.float64]
 AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
@@ -158,7 +158,7 @@ def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats
     at_sensors : ndarray, shape (n_sensors, n_times)
         [m]
     """
-    starts = np.searchsorted(time, [[throw.start - TIME_TOLERANCE for throw in throws(panel)]])
+    starts = first_instants(panel, time)[np.newaxis]
     at_drives, at_sensors = split_gaps_of(panel, [gaps], starts, kind=np.float64)
     return at_drives[0], at_sensors[0]
 
@@ -186,7 +186,7 @@ def split_gaps_of(
     at_drives, at_sensors : ndarray, shapes (n, n_drives, n_times), (n, n_sensors, n_times)
         [m]
     """
-    closes = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
+    closes = closed_in_turn(panel)
     sizes = np.array([one.shape[1] for one in gaps])
     edges = np.zeros((len(gaps), len(closes) + 1), dtype=np.int64)
     edges[:, 1:-1], edges[:, -1] = np.minimum(starts, sizes[:, np.newaxis]), sizes

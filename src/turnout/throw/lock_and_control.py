@@ -20,7 +20,7 @@ from turnout.throw.flangeway import (
 )
 from turnout.throw.gauge import GAUGE
 from turnout.throw.recovery import Motion
-from turnout.throw.route import DirectedMovement, at_rest, rail_closes, throws
+from turnout.throw.route import DirectedMovement, at_rest, first_instants, rail_closes, throws
 from turnout.throw.signals import Channel, object_rows, slip_forces
 
 Floats = NDArray[np.float64]
@@ -82,8 +82,7 @@ def force_margins(panel: Panel, *, time: Floats, drive_force: Floats) -> Floats:
         that of the next one; opening first [N]. NaN where there is no such movement.
     """
     moved = throws(panel)
-    bounds = [throw.start - TIME_TOLERANCE for throw in moved]
-    firsts = np.append(time.searchsorted(bounds), time.size)
+    firsts = np.append(first_instants(panel, time), time.size)
     starts = np.broadcast_to(firsts, (drive_force.shape[0], firsts.size))
     return margins_between(drive_force, starts, slip_forces(panel), [item.to for item in moved])
 

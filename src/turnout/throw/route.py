@@ -13,6 +13,7 @@ from turnout.solver.record import TIME_TOLERANCE
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +87,18 @@ def closed_spans(panel: Panel, time: Floats) -> list[tuple[int, int, bool]]:
     Movements want it so from their onset on. A span has its first instant and the one after its
     last; together they are all instants, in order.
     """
-    found, begin, closed = list[tuple[int, int, bool]](), 0, panel.schedule.starts == "closed"
-    moved = throws(panel)
-    onsets = time.searchsorted([throw.start - TIME_TOLERANCE for throw in moved]).tolist()
-    for throw, onset in zip(moved, onsets, strict=True):
-        found.append((begin, onset, closed))
-        begin, closed = onset, throw.to == "closed"
-    return [*found, (begin, time.size, closed)]
+    edges = [0, *first_instants(panel, time).tolist(), time.size]
+    return list(zip(edges, edges[1:], closed_in_turn(panel), strict=False))
+
+
+def first_instants(panel: Panel, time: Floats) -> Ints:
+    """Return the number of the first instant of each movement of the schedule."""
+    return time.searchsorted([throw.start - TIME_TOLERANCE for throw in throws(panel)])
+
+
+def closed_in_turn(panel: Panel) -> list[bool]:
+    """Return if the instrumented rail is wanted closed, before the first movement and from each."""
+    return [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
 
 
 def sensor_rails(panel: Panel) -> dict[str, str]:
@@ -108,8 +114,7 @@ def wants_closed(panel: Panel, time: Floats, starts: Floats) -> Flags:
     Onsets of the movements have the shape (..., n_movements), times and flags (..., n_times) [s].
     """
     begun = time[..., np.newaxis, :] >= starts[..., np.newaxis] - TIME_TOLERANCE
-    closed = [panel.schedule.starts == "closed", *(throw.to == "closed" for throw in throws(panel))]
-    return np.asarray(np.array(closed)[begun.sum(axis=-2)])
+    return np.asarray(np.array(closed_in_turn(panel))[begun.sum(axis=-2)])
 
 
 def rail_closes(panel: Panel, time: Floats) -> Flags:

@@ -255,7 +255,7 @@ class _Piece(NamedTuple):
 
     @property
     def shorter(self) -> NDArray[np.bool_] | None:
-        """Values beyond the last instant of their row; None where there is none."""
+        """Values beyond the last instant of their row; None if no row is shorter."""
         if self.dims[-1:] != ("time",) or self.instants.min() >= self.values.shape[-1]:
             return None
         beyond = np.arange(self.values.shape[-1]) >= self.instants[:, np.newaxis]

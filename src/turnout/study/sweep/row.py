@@ -41,8 +41,6 @@ from turnout.throw.simulate import PlannedThrow, Solved, plan_throw, solve_plann
 Floats = NDArray[np.float64]
 Variables = dict[str, Channel]
 
-_NO_INSTANTS = np.zeros(0, dtype=np.int64)
-
 OUTCOMES = ("complete", "failed", "invalid", "skipped", "inaccurate")
 """Outcome of a scenario: to its end; not even with a finer step; not possible; left out by the
 rule of its chain; to its end, but with an energy balance that does not close, not even with a finer
@@ -326,7 +324,7 @@ def make_rows(study: Study, throws: Sequence[ThrowResult]) -> list[ScenarioRow]:
 
 def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[StoredThrows, int]]:
     """Return histories, labels and features of some throws, alike ones at once."""
-    found: list[tuple[StoredThrows, int]] = [(StoredThrows({}, {}, _NO_INSTANTS), 0)] * len(runs)
+    found = dict[int, tuple[StoredThrows, int]]()
     for numbers in group_by_layout(runs):
         alike = [runs[number] for number in numbers]
         together = lay_together(alike)
@@ -340,7 +338,7 @@ def reduce_signals(study: Study, runs: Sequence[ThrowSignals]) -> list[tuple[Sto
         stored = StoredThrows(variables, coordinates, instants)
         for place, number in enumerate(numbers):
             found[number] = stored, place
-    return found
+    return [found[number] for number in range(len(runs))]
 
 
 def skipped_row(scenario: Scenario, *, reason: str) -> ScenarioRow:
