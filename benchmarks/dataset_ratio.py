@@ -3,7 +3,7 @@
     python -m benchmarks.dataset_ratio [--older FOLDER] [--count 9] [--rounds 3]
     python -m benchmarks.dataset_ratio --older FOLDER --instructions
 
-Printed are medians and least values of runs in turn, in milliseconds of the process, and ratios of
+Printed are medians and least values of runs in a row, in milliseconds of the process, and ratios of
 the least to those of a plain solution, with a 13 mm object on the default panel; a dataset is a
 throw as `simulate` returns it, its solution included. The curve is that of sound chairs
 (`chair.friction_state`); its dataset is compared with a plain one. With `--older` the sources of

@@ -379,7 +379,7 @@ def deviance(found: Fit) -> float:
 
 
 def of_sizes(causes: Sequence[Cause], found: Fit, *, more: int = 0) -> tuple[float, float]:
-    r"""Return what sizes of causes explain, and what they cost, in the deviance of a fit.
+    r"""Return the deviance of a fit that sizes of causes explain, and that which they cost.
 
     With the sizes `a` and the information `S` on them that all other values leave, the deviance
     without them would be higher by :math:`a^T S a`, and they cost

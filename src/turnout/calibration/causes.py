@@ -276,7 +276,7 @@ def without_needless(search: CauseSearch, final: Fit) -> CauseSearch:
 
 
 def without(search: CauseSearch, final: Fit, left_out: Sequence[TestedCause]) -> CauseSearch:
-    """Fit briefly without some causes from a fit with them; the same where there are none."""
+    """Fit briefly without some causes, from a fit with them; with none nothing changes."""
     kept = tuple(item for item in search.taken if item not in left_out)
     first = search.plain
     for item in kept:
@@ -385,7 +385,7 @@ def continued(found: Fit, first: Misfit, *, rounds: int) -> Fit:
 
 
 def missed_share(found: Fit) -> float:
-    """Return what a fit misses of all channels, as shares of their peaks [-]."""
+    """Return the sum of the model errors of all channels, as shares of their peaks [-]."""
     comparison = found.misfit.comparison
     return sum(
         model_error(comparison, key) / max(peak, 1.0)
@@ -443,7 +443,7 @@ def _fitted_choices(
 
 
 def _gain(choice: Sequence[TestedCause]) -> float:
-    """Return what a choice lowers the criterion by to first order [-]."""
+    """Return the gain of a choice in the criterion, to first order [-]."""
     return sum(item.gain for item in choice)
 
 
@@ -514,7 +514,7 @@ def is_needed(cause: Cause, final: Fit) -> bool:
 
 
 def explained_by(cause: Cause, found: Fit) -> float:
-    """Return what sizes of a cause explain in the deviance of a fit beyond what they cost."""
+    """Return the deviance of a fit that sizes of a cause explain beyond their cost."""
     explained, cost = of_sizes([cause], found)
     return explained - cost
 

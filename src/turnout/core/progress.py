@@ -42,9 +42,9 @@ class Pace:
     One of a kind of which there is none yet is expected to take as long as one of those that are
     known, each kind by the number of its throws, or as many times longer as planned: one batch of a
     rare kind that takes long does not stand for the rest. The first ones of each process, for which
-    it reduces rails, take several times as long as others: whoever counts them says what is usual,
-    and of a kind it is the mean of the later half of that. The time until the first began does not
-    count.
+    it reduces rails, take several times as long as others: `count` takes the usual time beside,
+    and a kind is expected to take the mean of the later half of these. The time until the first
+    began does not count.
 
     Parameters
     ----------

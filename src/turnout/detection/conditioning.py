@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def conditioned(prior: Floats, *, way: Floats, error: Floats) -> Floats:
-    """Return the covariance of what is known after an observation, shape (n, n).
+    """Return the covariance after an observation, shape (n, n).
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ def _sum(values: Floats, stack: Floats) -> float:
 
 @compiled_part
 def _sum_few(values: Floats) -> float:
-    """Return the sum of a few numbers, of eight at a time where there are so many."""
+    """Return the sum of a few numbers, added in eight partial sums from eight numbers on."""
     whole, total = values.size - values.size % 8, 0.0
     if whole > 0:
         a, b, c, d = values[0], values[1], values[2], values[3]
