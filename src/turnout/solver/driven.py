@@ -18,10 +18,10 @@ from turnout.machine.compute import places as at
 from turnout.machine.rows import machine_room
 from turnout.machine.steady import shaft_travel
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
-from turnout.solver.arrange import Grid
+from turnout.solver.arrange import Grid, RunSetup
 from turnout.solver.rods import Rods, find_slips
 from turnout.solver.schedule import Pause, new_schedule, stop_rows
-from turnout.solver.state import Run, acquire_buffer
+from turnout.solver.state import acquire_buffer
 
 Floats = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ STORES = {
 }
 """States of a machine that hold energy, with what half of their square is multiplied by."""
 CONTINUOUS = [
-    *range(at.INTEGRATED),
+    *range(at.INTEGRATED, at.PAST_INTEGRATED),
     *(at.SLIP, at.ROD_POSITION, at.ROD_FORCE, at.CLUTCH_TEMPERATURE),
     *range(at.ENERGIES, at.STATES),
 ]
@@ -174,7 +174,7 @@ class MachineHistory:
     shift : ndarray, shape (n,)
         Input less rod position [m].
     states : ndarray, shape (n_times, n, STATES)
-        See `turnout.machine.compute.places`; of a watched run the first TRACED of them.
+        See `turnout.machine.compute.places`; of a watched run the first FOLLOWED or TRACED.
     booked : ndarray, shape (n_booked, n, STATES)
         All states where energies are stored, which a watched run does at some instants alone.
     given : ndarray, shape (n_booked, n)
@@ -257,12 +257,15 @@ class MachineHistory:
         """Slip of each clutch above the ignored amount, shape (n, n_times)."""
         found = np.zeros((len(self.names), self.time.size), dtype=np.int64)
         slip = np.ascontiguousarray(self.states[:, :, at.SLIP].T)
+        slides = np.flatnonzero(np.ptp(slip, axis=1) > SLIP_ROUNDING)
+        if not slides.size:
+            return found.astype(np.bool_)
         ons = np.full((len(self.names), MOST_EVENTS), np.inf)
         for row, events in zip(ons, self.events, strict=True):
             times = [time for time, text in events if text == "on"]
             row[: len(times)] = times
         travel = np.zeros(len(self.records))
-        for number in np.flatnonzero((slip != slip[:, :1]).any(axis=1)):
+        for number in slides.tolist():
             travel[number] = shaft_travel(self.records[number])
         time = np.require(self.time, np.float64, ["C", "W"])
         find_slips(time, slip, ons, travel, (SLIP_ROUNDING, LEAST_SLIP), found)
@@ -337,20 +340,15 @@ def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
     return found
 
 
-def new_rods(
-    run: Run, mechanism: Mechanism, scheme: Scheme, grid: Grid, ends: Sequence[float]
-) -> Rods | None:
-    """Arrange the machines of a mechanism for the kernels; None where there are none.
-
-    `ends` are those of the movements of markers, by the schedule; a watched run is kept whole
-    there [s].
+def new_rods(setup: RunSetup, scheme: Scheme, grid: Grid) -> Rods | None:
+    """Arrange the machines of a mechanism for the kernels, for one run; None where there are none.
 
     Raises
     ------
     SolverError
         For a scheme without inertia: machines have a time of their own.
     """
-    given = mechanism.machines
+    given, save, positions = setup.arrangement.mechanism.machines, setup.save, setup.positions
     if given is None:
         return None
     if not scheme.inertia:
@@ -361,18 +359,19 @@ def new_rods(
         )
         raise SolverError(message)
     n, count = len(given.names), grid.n_stored
-    width = at.TRACED if run.record.places.size else at.STATES
+    width, books = at.STATES, save.count
+    if save.watches:
+        width = at.TRACED if save.save_at.traced else at.FOLLOWED
+        books = save.counts[2] + save.further
     size = count * n * width
     memory = np.empty(size) if width < at.STATES else acquire_buffer(size)[:size]
-    kept = memory.reshape(count, n, width)
-    books = run.record.stored.shape[0]
     rods = Rods(
         constants=run_constants(given, scheme),
         tables=given.tables,
         commands=given.commands.copy(),
         shared_resistance=np.array([given.shared_resistance]),
         **machine_room(n, events=MOST_EVENTS)._asdict(),
-        place=run.table.row[given.laws].astype(np.int64),
+        place=setup.table.row[given.laws].astype(np.int64),
         law=given.laws,
         input=given.inputs,
         shift=given.shift,
@@ -385,17 +384,17 @@ def new_rods(
         rod_before=np.zeros((2, n)),
         lengths=np.full(2, float(scheme.step)),
         left=np.zeros(1),
-        kept=kept,
-        booked=kept if width == at.STATES else np.empty((books, n, at.STATES)),
+        kept=memory.reshape(n, width, count),
+        booked=np.empty((0 if width == at.STATES else books, n, at.STATES)),
         booked_given=np.empty((books, n)),
         stood=np.ones(n, dtype=np.int64),
         schedule=new_schedule(grid.room, grid.check),
         stops=stop_rows([(stop.step, stop.rest, stop.longest) for stop in grid.stops]),
         stop_times=np.array([stop.time for stop in grid.stops]),
         pauses=np.zeros((len(grid.stops), 2)),
-        ends=np.array(ends, dtype=np.float64),
+        ends=np.array(save.save_at.whole, dtype=np.float64),
         planned=given.commands,
-        markers=run.positions[:0] if n == run.positions.shape[1] else run.positions.copy(),
+        markers=positions[:0] if n == positions.shape[1] else positions.copy(),
     )
     return shared_record(rods)
 
@@ -410,14 +409,13 @@ def most_places(machines: DriveMachines, grid: Grid, ends: Sequence[float]) -> i
 
 
 def machine_history(
-    run: Run,
     rods: Rods | None,
     mechanism: Mechanism,
-    kept: int,
+    time: Floats,
     booked: slice | NDArray[np.int64],
     pauses: tuple[Pause, ...],
 ) -> MachineHistory | None:
-    """Return what the machines of a run left behind, up to a number of stored instants.
+    """Return what the machines of a run left behind at its stored instants [s].
 
     `booked` are the rows of their energies.
     """
@@ -425,16 +423,17 @@ def machine_history(
     if rods is None or given is None:
         return None
     counts = rods.state[:, at.EVENTS].astype(int)
+    states = rods.kept[:, :, : time.size].transpose(2, 0, 1)
     return MachineHistory(
-        time=run.options.step * run.options.stride * np.arange(kept, dtype=np.float64),
+        time=time,
         names=given.names,
         records=given.records,
         constants=rods.constants,
         commands=rods.commands,
         inputs=given.inputs,
         shift=given.shift,
-        states=rods.kept[:kept],
-        booked=rods.booked[booked],
+        states=states,
+        booked=rods.booked[booked] if rods.booked.shape[0] else states,
         given=rods.booked_given[booked],
         events=tuple(
             tuple((time, at.EVENT_TEXTS[int(event)]) for time, event in rows[:count].tolist())

@@ -189,6 +189,8 @@ class RunPlan:
         The condensed mechanism, its laws, numbers of the run, and what alone is saved of it.
     start : StartPlan, optional
         The motion before the start.
+    rods : Rods, optional
+        Drives that are machines, of a watched run; others keep too much to be planned together.
     """
 
     scheme: Scheme
@@ -196,6 +198,7 @@ class RunPlan:
     grid: Grid
     setup: RunSetup
     start: StartPlan | None
+    rods: Rods | None
 
 
 def plan_run(
@@ -239,7 +242,8 @@ def plan_run(
         # before the table gets the dents that objects have already
         start = None if prior is None else plan_start(arrangement, scheme, prior)
         setup = set_up_run(arrangement, scheme, positions, plan)
-        return RunPlan(scheme, inputs, grid, setup, start)
+        rods = new_rods(setup, scheme, grid) if plan.watches else None
+        return RunPlan(scheme, inputs, grid, setup, start, rods)
 
 
 @lru_cache(maxsize=16)
@@ -301,17 +305,17 @@ def carry_out(given: RunPlan, *, report: Callable[[int, int], None] | None = Non
     arrangement, plan, stride = setup.arrangement, setup.save, grid.stride
     mechanism = arrangement.mechanism
     run, state = prepare(setup)
-    rods = new_rods(run, mechanism, scheme, grid, plan.save_at.whole)
+    rods = given.rods if plan.watches else new_rods(setup, scheme, grid)
     code, done, pauses = _march_from_start(given, run, state, rods, report)
     kept = 0 if code in WITHOUT_START else done // stride + 1
     booked = plan.rows(2, kept)
     balance = energy_balance(run.record.stored[booked], run.record.ledger[booked])
-    machines = machine_history(run, rods, mechanism, kept, booked, pauses)
+    instants = _times(scheme.step * stride, grid.n_stored)[:kept]
+    machines = machine_history(rods, mechanism, instants, booked, pauses)
     if machines is not None:
         balance = machines.with_balance(*balance)
     outcome = _judge(run, state, mechanism, balance, (code, done))
     record = trim_record(run, kept, plan)
-    instants = _times(scheme.step * stride, grid.n_stored)[:kept]
     positions = setup.positions[::stride][:kept].view()
     if grid.filled_in and kept > 1:
         last = min(grid.last + sum(item.length for item in pauses), instants[-1])

@@ -247,6 +247,9 @@ class SaveAt:
         Takes the condensed rails and returns the weights of these rows; default none.
     taken : sequence of float
         Those of `rests` that no wait for machines postpones; the others are onsets of movements.
+    traced : bool
+        Whether all is kept of machines that their channels follow from, else what their movements
+        and the currents of motors do.
     """
 
     laws: Sequence[int] = ()
@@ -256,6 +259,7 @@ class SaveAt:
     count: int = 0
     seen: Callable[[CondensedRails], SeenRows] = _nothing_seen
     taken: Sequence[float] = ()
+    traced: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)

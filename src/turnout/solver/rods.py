@@ -59,10 +59,11 @@ class Rods(NamedTuple):
         Force of each law at the last instant [N]; work of the rod ends on the rods so far [J].
     left : ndarray, shape (1,)
         Largest movement of a rod end that was left over when a step was accepted [m].
-    kept : ndarray, shape (n_stored, n, STATES)
-        States at the stored instants; of a watched run the first TRACED of them.
+    kept : ndarray, shape (n, n_kept, n_stored)
+        The first states over the stored instants; all of them but in a watched run.
     booked, booked_given : ndarray, shapes (n_booked, n, STATES), (n_booked, n)
-        States, and work of the rod ends [J], where the energies of the rails are stored.
+        States, without rows where `kept` has them all, and work of the rod ends [J], where the
+        energies of the rails are stored.
     stood : ndarray of int, shape (n,)
         1 where a machine has come to rest since it was on.
     schedule, stops, stop_times, pauses, ends
@@ -296,11 +297,13 @@ def store_rods(run: Run, state: State, rods: Rods, inputs: Floats, row: int) -> 
             rods.stood[k] = 1
             if listed:
                 give_place(record, row)
-        copy(rods.state[k], rods.kept[row, k])
+        for place in range(rods.kept.shape[1]):
+            rods.kept[k, place, row] = rods.state[k, place]
     booked = record.places[row, 2] if listed else row
     if booked >= 0:
         for k in range(rods.input.size):
-            copy(rods.state[k], rods.booked[booked, k])
+            if rods.booked.shape[0] > 0:
+                copy(rods.state[k], rods.booked[booked, k])
             rods.booked_given[booked, k] = rods.given[k]
 
 

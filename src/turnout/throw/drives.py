@@ -203,6 +203,12 @@ def machine_powers(machines: MachineHistory, number: int) -> tuple[Floats, Float
     return kind.powers(machines.constants[number], machines.states[:, number])
 
 
+def needs_powers(panel: Panel) -> bool:
+    """Return whether the current of a drive's machine follows from its power."""
+    named = [panel.machine[drive.machine] for drive in panel.drive.values() if drive.machine]
+    return any(machine.circuit.measured_current == "supply" for machine in named)
+
+
 def machine_current(machines: MachineHistory, number: int) -> Floats:
     """Return the current of a machine over time where it is measured [A]."""
     machine = machines.records[number]

@@ -459,7 +459,7 @@ def repeats_step(machine: MachineArrays, state: Floats, span: tuple[float, float
     if varies or constants[at.CONTACT_LOSS] > 0.0:
         return False
     first, second = machine.work[FIRST], machine.work[SECOND]
-    for place in range(at.INTEGRATED):
+    for place in range(at.INTEGRATED, at.PAST_INTEGRATED):
         change = max(abs(second[place] - first[place]), abs(state[place] - second[place]))
         if not change <= REPEATED * span[1] * abs(second[place]):
             return False

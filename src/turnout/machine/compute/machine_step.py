@@ -301,7 +301,7 @@ def take_step(machine: MachineArrays, state: Floats, time: float, step: float) -
     ahead = (1.0 - GAMMA) / GAMMA
     for k in range(first.size):
         second[k] = first[k]
-    for k in range(at.INTEGRATED):
+    for k in range(at.INTEGRATED, at.PAST_INTEGRATED):
         base[k] = state[k] + ahead * (first[k] - state[k])
     if alike:
         _guess_speeds(state, second, guess, 1)
@@ -334,7 +334,7 @@ def accept_step(machine: MachineArrays, state: Floats, time: float, step: float)
         _add_gear_energy(machine, state, stage, weight)
         _add_stored_energy(constants, state, stage, before, weight / g)
     state[at.SLIP] += slip
-    for k in range(at.INTEGRATED):
+    for k in range(at.INTEGRATED, at.PAST_INTEGRATED):
         state[k] = second[k]
     state[at.ROD_POSITION] = second[at.ROD_POSITION]
     state[at.ROD_FORCE] = second[at.ROD_FORCE]

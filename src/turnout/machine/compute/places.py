@@ -91,17 +91,17 @@ the closing direction. Flags are 0.0 or 1.0.
 
 # --- state -------------------------------------------------------------------------------------
 (
+    ROD_POSITION,  # x [m]
+    SLIP,  # of the clutch, th1 - th2 - a [rad]
     CURRENT,  # of the motor; of an induction motor that of the line, rms [A]
+    GEAR_SPEED,  # w2 [rad/s]
     SPEED,  # of the motor, w1 [rad/s]
     TWIST,  # of the clutch, a [rad]
-    GEAR_SPEED,  # w2 [rad/s]
     GEAR_ANGLE,  # th2 [rad]
     STATOR_FLUX,  # of an induction motor, along the supply's voltage [V s]
     STATOR_FLUX_ACROSS,  # a quarter of a turn ahead of it
     ROTOR_FLUX,
     ROTOR_FLUX_ACROSS,
-    SLIP,  # of the clutch, th1 - th2 - a [rad]
-    ROD_POSITION,  # x [m]
     ROD_FORCE,  # [N]
     ENERGISED,
     DIRECTION,  # 1 closing, -1 opening
@@ -134,10 +134,11 @@ the closing direction. Flags are 0.0 or 1.0.
     ENERGIES,  # the first of the sums below
 ) = range(40)
 
-INTEGRATED = 9
-"""So many states, from the first on, obey differential equations."""
-TRACED = 21
-"""So many states, from the first on, are those that the channels over time follow from."""
+INTEGRATED, PAST_INTEGRATED = CURRENT, ROTOR_FLUX_ACROSS + 1
+"""The first state that obeys a differential equation, and the first one after those that do."""
+FOLLOWED, TRACED = 4, 21
+"""So many states, from the first on, are those that movements, slips and the current of a motor
+follow from, and so many those that all channels over time follow from."""
 
 # --- sums of power times step by the scheme's own weights [J] -----------------------------------
 (

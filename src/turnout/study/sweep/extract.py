@@ -34,6 +34,7 @@ from turnout.throw.drives import (
     machine_slips,
     marker_ends,
     moved_throws,
+    needs_powers,
 )
 from turnout.throw.gaps import gaps_over_time, watched_gaps
 from turnout.throw.lock_and_control import distance_ends
@@ -61,11 +62,12 @@ def save_at_of(study: Study, panel: LoadedPanel) -> Callable[[Mechanism], SaveAt
         return None
     ends = marker_ends(panel)
     count = 2 * (len(panel.drive) + len(panel.sensor))
+    traced = not {*study.output.channels}.isdisjoint(OF_MACHINES) or needs_powers(panel)
 
     def save_at(mechanism: Mechanism) -> SaveAt:
         laws, seen = watched_laws(panel, mechanism), watched_gaps(panel, mechanism)
         rests, taken = _rests(throws(panel), mechanism)
-        return SaveAt(laws, output_stride(study), ends, rests, count, seen, taken)
+        return SaveAt(laws, output_stride(study), ends, rests, count, seen, taken, traced)
 
     return save_at
 
