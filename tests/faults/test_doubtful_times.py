@@ -432,3 +432,97 @@ def test_gains_of_channels_in_json_are_said(tmp_path: Path) -> None:
     channels = [{"name": "Force", "fs": 25, "scale": 0.001, "data": FORCE.tolist()}]
     recording = read(tmp_path / "throw.json", {"channels": channels})
     assert recording.problems == ("channel 'Force': its attribute 'scale' (0.001) is not applied",)
+
+
+@pytest.mark.parametrize("seconds", [60.0, 3600.0])
+def test_times_without_a_unit_that_are_those_of_no_throw(tmp_path: Path, seconds: float) -> None:
+    said = "check the time: '{}' states no unit and is taken as seconds"
+    text = HEAD.replace(" (s)", "") + rows(time=lambda n: f"{n * 0.04 / seconds:.8f}")
+    assert said.format("Time") in read(tmp_path / "throw.csv", text).problems
+    held = {"t": np.arange(COUNT) * 0.04 / seconds, "Force": FORCE}
+    scipy_io.savemat(tmp_path / "throw.mat", held)
+    assert read_recording(tmp_path / "throw.mat").problems == (
+        f"channel 'Force': {said.format('t')}",
+    )
+    rated = {**held, "fs": seconds * 25.0}
+    scipy_io.savemat(tmp_path / "throw.mat", rated)
+    assert read_recording(tmp_path / "throw.mat").problems == ()
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_stamps_beside_times_that_disagree(tmp_path: Path, swapped: bool) -> None:
+    stamp, name = moment("%Y-%m-%d %H:%M:%S.%f"), ("Stamp", "Time ms")
+    for step, rate in ((40, 25), (20, 50)):
+        cells = [(stamp(n), f"{step * n}") for n in range(COUNT)]
+        lines = [",".join(pair[:: -1 if swapped else 1]) for pair in (name, *cells)]
+        text = "".join(f"{line},{v}\n" for line, v in zip(lines, ("Force", *FORCE), strict=True))
+        shown = ["'Time' shows 50 Hz, 'Stamp' 25 Hz", "'Stamp' shows 25 Hz, 'Time' 50 Hz"]
+        remark = f"check the time: {shown[not swapped]}, which is taken"
+        problems = read(tmp_path / "throw.csv", text).problems
+        assert problems == ((remark,) if rate == 50 else ())
+
+
+def test_an_index_that_leaves_rows_out_beside_times(tmp_path: Path) -> None:
+    text = "Sample,Time (s),Force\n" + "".join(
+        f"{2 * n},{n * 0.08:.2f},{force}\n" for n, force in enumerate(FORCE)
+    )
+    (problem,) = read(tmp_path / "throw.csv", text).problems
+    assert problem.endswith("check the time: its steps are 2, are rows missing?")
+
+
+def test_a_last_time_half_a_step_off() -> None:
+    grid = time_grid(np.append(np.arange(200) * 0.08, 15.96))
+    assert grid.step == pytest.approx(0.08)
+    assert grid.remark == "check the time: its last, 15.96 s, is taken as 16 s"
+    with pytest.raises(ValueError, match="it jumps from 8 to 8.04 s"):
+        time_grid(np.concatenate((np.arange(101) * 0.08, 8.04 + np.arange(100) * 0.08)))
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [
+        {"sample_rate": {"value": 25, "unit": "Hz"}},
+        {"sample_rate": {"Value": "0.025", "Units": "kHz"}},
+        {"sampling": {"interval": {"magnitude": 40, "unit": "ms"}}},
+    ],
+)
+def test_a_rate_with_its_unit_in_an_object(tmp_path: Path, clock: dict[str, object]) -> None:
+    path = tmp_path / "throw.json"
+    start = {"start": {"value": 200, "unit": "ms"}}
+    for held in (
+        {**clock, **start, **LISTS},
+        {"channels": [{"name": k, **clock, **start, "values": v} for k, v in LISTS.items()]},
+    ):
+        force = read(path, held).channel("Force")
+        assert (force.rate, force.start) == (25.0, 0.2)
+
+
+def test_channels_that_stand_under_their_names(tmp_path: Path) -> None:
+    path = tmp_path / "throw.json"
+    named = {name: {"unit": "kN", "values": values} for name, values in LISTS.items()}
+    time = {"time": {"unit": "ms", "values": [40 * n for n in range(COUNT)]}}
+    rated = {name: {**item, "fs": 25, "start": 1} for name, item in named.items()}
+    for held, start in (({"fs": 25, **named}, 0.0), ({**time, **named}, 0.0), (rated, 1.0)):
+        recording = read(path, held)
+        assert list(recording.channels) == list(LISTS)
+        force = recording.channel("Force")
+        assert (force.rate, force.start, force.unit) == (25.0, start, "kN")
+
+
+def test_a_rate_of_its_own_within_a_start_of_the_file(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "throw.h5", "w") as file:
+        file.attrs["start"] = 2.0
+        table = np.array(list(zip(FORCE, CURRENT, strict=True)), [("Speed", "f8"), ("U", "f8")])
+        for name, data in (("Force", FORCE), ("Matrix", np.array([FORCE, FORCE])), ("T", table)):
+            file.create_dataset(name, data=data).attrs["fs"] = 25.0
+        file.create_dataset("Current", data=CURRENT).attrs.update({"fs": 50.0, "start": 1.0})
+        group = file.create_group("group")
+        group.attrs["start"] = 3.0
+        group.create_dataset("Force", data=FORCE).attrs["fs"] = 25.0
+    starts = {
+        k: channel.start for k, channel in read_recording(tmp_path / "throw.h5").channels.items()
+    }
+    assert starts == {
+        **{"Force": 2.0, "Matrix 1": 2.0, "Matrix 2": 2.0, "Current": 1.0, "group/Force": 3.0},
+        **{"Speed": 2.0, "U": 2.0},
+    }

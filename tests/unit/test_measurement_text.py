@@ -183,3 +183,28 @@ def test_a_decimation_beside_a_rate_is_refused_by_name(tmp_path: Path) -> None:
     path.write_text("Sample rate: 25 Hz\nDecimation: 4\nForce\n" + "1\n2\n" * 9, encoding="utf-8")
     with pytest.raises(FileError, match=r"'Decimation: 4' is stated beside a sample rate of 25 Hz"):
         read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("edge", "rule"),
+    [
+        ("| {} |", "|---|---:|:---:|"),
+        ("{}", "--- | --- | ---"),
+        ("|{}|", "+-----+-----+-----+"),
+    ],
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_tables_with_lines_between_rows(tmp_path: Path, edge: str, rule: str, end: str) -> None:
+    rows = [f"{n * 0.04:.2f} | {n * n % 7} | {n / 8}" for n in range(20)]
+    head, *lines = (edge.format(row) for row in ("Time (s) | Rod 1 (kN) | I (A)", *rows))
+    drawn = [rule] if rule.startswith("+") else []
+    path = tmp_path / "throw.md"
+    path.write_text(end.join(["Drive 1", *drawn, head, rule, *lines, *drawn, ""]), newline="")
+    recording = read_recording(path)
+    assert [(item.name, item.unit) for item in recording.channels.values()] == [
+        ("Rod 1", "kN"),
+        ("I", "A"),
+    ]
+    rod = recording.channel("Rod 1")
+    assert (rod.rate, rod.values.tolist()) == (25.0, [float(n * n % 7) for n in range(20)])
+    assert recording.problems == ()

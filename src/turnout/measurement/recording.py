@@ -168,6 +168,8 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
         few = 2 * int(np.count_nonzero(steps < 1.5 * step)) <= steps.size
         # Rounded step by step, so that a small error of the step does not add up.
         counts = np.zeros(0) if step <= 0 or few else np.rint(steps / step)
+        if counts.size and np.all(counts == 1):
+            time, remark = _without_jump(time, steps)
     if not counts.size or counts.sum() > MOST_GROWTH * time.size:
         raise _jumps(time, int(np.argmax(steps)))
     if np.any(counts < 1):
@@ -185,7 +187,7 @@ def time_grid(time: NDArray[np.float64]) -> TimeGrid:
             "behind it; save each part in a file of its own"
         )
         raise ValueError(message)
-    return TimeGrid(start, step, index)
+    return TimeGrid(start, step, index, remark)
 
 
 def _counts(

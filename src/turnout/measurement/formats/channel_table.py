@@ -38,11 +38,14 @@ from turnout.measurement.formats.file_table import (
 )
 from turnout.measurement.formats.numbers import LEAST_CURVE
 from turnout.measurement.formats.time_axis import (
+    LARGEST_DEPARTURE,
     TimeAxis,
     counts,
     is_date,
     numeric_axis,
+    rate_of,
     rate_remark,
+    unit_remark,
 )
 from turnout.measurement.recording import Recording, time_grid
 
@@ -58,8 +61,6 @@ ALL = ("*",)
 """In place of the labels of throws: all that a table holds."""
 THROW = "throw"
 """Label of a recording that is one of several throws."""
-# A column without a unit that steps less or more than this may not be in seconds [s].
-_USUAL_STEP = (1e-5, 0.5)
 
 
 def recordings_of(
@@ -423,13 +424,14 @@ def _wide_columns(table: Table) -> list[FileColumn]:
     if rate is not None and len(rate) > 1 and len(rate) != len(channels):
         message = f"{len(rate)} sample rates are stated for {len(channels)} columns; state one each"
         raise ValueError(message)
-    found = []
+    found, used = [], set[int]()
     for number, place in enumerate(channels):
         column, values = table.columns[place], table.values[place]
         left = [p for p in axes if p < place] or list(axes)[:1]
         axis = axes[left[-1]] if left else None
         if left and axis is None and rate is None:
             axis = axes.get(left[-1] - 1) or axes.get(left[-1] + 1)
+        used |= {p for p, other in axes.items() if other is axis}
         several = len(axes) > 1 or (rate is not None and len(set(rate)) > 1)
         if several:
             values = values[: count_filled(values)]
@@ -449,7 +451,19 @@ def _wide_columns(table: Table) -> list[FileColumn]:
             what = f"{count_in_words(empty, 'cell')} empty, taken as missing"
             table.problems.append(f"channel '{name}': {what}")
         found.append(FileColumn(name, values, column.unit, column.description, **clock))
+    _compare_unused(table, {p: axis for p, axis in axes.items() if axis is not None}, used)
     return found
+
+
+def _compare_unused(table: Table, axes: Mapping[int, TimeAxis], used: set[int]) -> None:
+    """Remark on times of no channel that differ from those of the channels."""
+    shown = {place: (label_of(table, place), rate_of(axis.seconds)) for place, axis in axes.items()}
+    for place in shown.keys() - used if used else ():
+        for other in shown.keys() & used:
+            (name, rate), (taken, its) = shown[place], shown[other]
+            if abs(rate - its) > LARGEST_DEPARTURE * its:
+                remark = f"check the time: '{name}' shows {rate:.6g} Hz, '{taken}' {its:.6g} Hz"
+                table.problems.append(f"{remark}, which is taken")
 
 
 def _to_length(values: Floats, size: int) -> Floats:
@@ -470,8 +484,10 @@ def _channels(table: Table) -> list[int]:
         letter = bool(table.axes) and len(name) == 1 and name.isalpha()
         index = table.named and is_index_name(name) and not letter and counts_throws(values)
         if headless or index:
+            step = float(np.median(np.diff(values)))
+            rows = f"; check the time: its steps are {step:g}, are rows missing?" * (step != 1.0)
             shown = f"column '{label_of(table, place)}'"
-            table.problems.append(f"{shown} is left out: it counts samples and is no time")
+            table.problems.append(f"{shown} is left out: it counts samples and is no time{rows}")
         elif is_throw_name(name) and is_constant(values):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
         else:
@@ -488,7 +504,7 @@ def _usable(
         stamps = table.columns[place].cells.dtype.kind == "O"
         if stamps and _in_whole_seconds(axis.seconds) and rate is None:
             table.problems.append(f"check the time: '{name}' is in whole seconds")
-        grid = time_grid(axis.seconds)
+        time_grid(axis.seconds)
     except ValueError as error:
         another = [p for p in (place - 1, place + 1) if _is_even(table.axes.get(p), axis)]
         if rate is None and not another:
@@ -500,9 +516,8 @@ def _usable(
     column = table.columns[place]
     numeric = column.cells.dtype.kind in "iuf" and axis.begin is None
     unstated = numeric and not (column.unit or unit_in_name(column.name))
-    least, most = _USUAL_STEP
-    if rate is None and unstated and not least < grid.step < most:
-        table.problems.append(f"check the time: '{name}' states no unit and is taken as seconds")
+    if rate is None and unstated and (remark := unit_remark(axis.seconds, name)):
+        table.problems.append(remark)
     remark = rate_remark(axis.seconds, rate[0]) if rate else ""
     return replace(axis, remark=remark or axis.remark)
 

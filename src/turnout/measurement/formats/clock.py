@@ -8,6 +8,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -321,18 +322,35 @@ def stated_number(text: str, decimal: str | None = ".") -> tuple[float, str] | N
     return values[fits.index(decimal) if decimal in fits else 0], match[2]
 
 
+class StatedRates(NamedTuple):
+    """Words that state rates, and these [1/s]: one, or one a column.
+
+    Those of bare intervals are over the unit of times, which may be stated below them.
+    """
+
+    shown: str
+    values: tuple[float, ...]
+    bare: bool = False
+
+    def in_seconds(self, unit: str) -> "StatedRates":
+        """Return these rates where times are in a unit."""
+        if not self.bare:
+            return self
+        factor = seconds_of(unit)
+        return StatedRates(self.shown, tuple(whole_rate(rate / factor) for rate in self.values))
+
+
 @dataclass(slots=True)
 class StatedClock:
     """Rates, starts and dates that a file states in words.
 
     Attributes
     ----------
-    rates : list of (str, tuple of float)
-        What states it, and the rates [1/s]: one, or one a column.
-    weak : list of (str, tuple of float)
-        The same under a name that may mean something else ("rate").
-    start : float or None
-        Time of the first sample [s]; None if it is not stated.
+    rates : list of StatedRates
+    weak : list of StatedRates
+        Under a name that may mean something else ("rate").
+    first : (float, bool) or None
+        Time of the first sample [s], or True and that in the unit of times.
     moments : list of str
         Date and time of the start, in parts.
     doubtful : list of str
@@ -345,14 +363,21 @@ class StatedClock:
         Of times, intervals and starts that state none; empty if it is not stated.
     """
 
-    rates: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
-    weak: list[tuple[str, tuple[float, ...]]] = field(default_factory=list)
-    start: float | None = None
+    rates: list[StatedRates] = field(default_factory=list)
+    weak: list[StatedRates] = field(default_factory=list)
+    first: tuple[float, bool] | None = None
     moments: list[str] = field(default_factory=list)
     doubtful: list[str] = field(default_factory=list)
     reduced: list[str] = field(default_factory=list)
     turning: bool = False
     unit: str = ""
+
+    @property
+    def start(self) -> float | None:
+        """Time of the first sample [s]; None if it is not stated."""
+        if self.first is None:
+            return None
+        return self.first[0] * (seconds_of(self.unit) if self.first[1] else 1.0)
 
     def read(
         self, key: str, values: Sequence[object], *, unit: str = "", decimal: str | None = "."
@@ -377,11 +402,10 @@ class StatedClock:
                 continue
             shown = f"{key.strip()}: {', '.join(texts)}"[:60]
             suffix = _as_written(key, match["unit"])
-            stated = unit or suffix or (self.unit if kind == "step" else "")
-            found = _rates(texts, stated, kind, decimal, shown)
+            found = _rates(texts, unit or suffix, kind, decimal, shown)
             if found:
-                (self.weak if kind == "weak" else self.rates).append((shown, found))
-            return bool(found) or left_out
+                (self.weak if kind == "weak" else self.rates).append(found)
+            return found is not None or left_out
         kept = list(dict.fromkeys(texts))
         text, once = " ".join(texts).strip(), " ".join(kept)
         said = f"{key.strip()}: {text}"[:60]
@@ -396,19 +420,19 @@ class StatedClock:
         if match := _START.fullmatch(name):
             plain = all(_SECONDS_TEXT.fullmatch(v) and v.count(".") < 2 for v in kept)
             first = stated_number(kept[0], decimal) if plain else None
-            own = (first and first[1]) or unit or match["unit"] or self.unit
+            own = (first and first[1]) or unit or match["unit"] or ""
             if first is not None and (not own or is_time_unit(own)):
                 if len(kept) > 1:
                     message = f"'{key.strip()}: {text[:40]}': the columns start at different times"
                     raise ValueError(message + "; export a column of times for each")
-                self.start = first[0] * seconds_of(own)
+                self.first = (first[0] * seconds_of(own), not own)
                 return True
         begins = _BEGIN.fullmatch(name) is not None
         if begins and number and is_time_unit(seconds := number[1] or unit):
             if not _BEGIN_WORD.search(name):  # a duration
                 self.doubtful.append(said)
             elif number := stated_number(text, decimal):
-                self.start = number[0] * seconds_of(seconds)
+                self.first = (number[0] * seconds_of(seconds), False)
             return True
         if (begins or name == "t0") and _MOMENT.match(text):
             self.moments.append(once)
@@ -438,9 +462,9 @@ class StatedClock:
         rated = bool(self.rates or (self.weak and not self.turning))
         return replace(
             self,
-            rates=self.rates if rated else outer.rates,
+            rates=self.rates if rated else [item.in_seconds(outer.unit) for item in outer.rates],
             reduced=self.reduced or ([] if rated else outer.reduced),
-            start=outer.start if self.start is None else self.start,
+            first=self.first or (None if outer.start is None else (outer.start, False)),
             unit=self.unit or outer.unit,
         )
 
@@ -455,8 +479,9 @@ class StatedClock:
         for group in (self.rates, [] if self.turning else self.weak):
             if not group:
                 continue
-            shown, first = max(group, key=lambda item: len(item[1]))
-            for other, rates in group:
+            taken = [item.in_seconds(self.unit) for item in group]
+            shown, first, _ = max(taken, key=lambda item: len(item.values))
+            for other, rates, _ in taken:
                 same = rates[:1] * len(first) if len(rates) == 1 else rates
                 if len(same) != len(first) or any(
                     abs(a - b) > 1e-3 * a for a, b in zip(first, same, strict=True)
@@ -505,7 +530,7 @@ class StatedClock:
 
     def no_rates(self) -> list[str]:
         """Return texts that look like a sample rate and are none."""
-        return [*self.doubtful, *(shown for shown, _ in self.weak if self.turning)]
+        return [*self.doubtful, *(item.shown for item in self.weak if self.turning)]
 
     def doubt(self, key: str, text: str) -> bool:
         """Keep a statement of an unknown name with a frequency or a time; return False."""
@@ -521,17 +546,17 @@ class StatedClock:
 
 def _rates(
     values: Sequence[str], unit: str, kind: str, decimal: str | None, shown: str
-) -> tuple[float, ...]:
-    """Return rates [1/s] from stated rates or intervals; empty if there are no numbers."""
+) -> StatedRates | None:
+    """Return rates [1/s] from stated rates or intervals; None if there are no numbers."""
     texts = [_OWNER.sub("", value) for value in values if value]
     if len(texts) > 1 and not _STATED.fullmatch(texts[-1]):  # 2.5e-3, "s"
         unit = _unit_of_clock(texts[-1]) or unit
         texts = texts[:-1]
-    found = []
+    found, own = [], unit
     for text in texts:
         number = stated_number(text, decimal)
         if number is None:
-            return ()
+            return None
         if kind != "weak" and any(c.isdigit() for c in re.sub(r"\^?-?1", "", number[1])):
             message = f"'{shown}' is not one number with its unit; write '1000 Hz' or '1 ms'"
             raise ValueError(message)
@@ -546,7 +571,7 @@ def _rates(
             step = number[0] * seconds_of(own)
             rate = 1.0 / step if step else np.inf
         elif kind in ("weak", "either"):
-            return ()
+            return None
         else:
             message = f"'{shown}' has no known unit of a rate or a time; write '1000 Hz' or '1 ms'"
             raise ValueError(message)
@@ -554,7 +579,8 @@ def _rates(
             message = f"'{shown}' is no rate; it must be more than 0 and finite"
             raise ValueError(message)
         found.append(whole_rate(rate))
-    return tuple(found[:1] if len(set(found)) == 1 else found)
+    alike = tuple(found[:1] if len(set(found)) == 1 else found)
+    return StatedRates(shown, alike, bare=kind == "step" and not own) if found else None
 
 
 def _unit_of_clock(text: str) -> str:

@@ -8,7 +8,6 @@ visited once, and counted by `Declared` before it is read.
 import io
 import math
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +17,15 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, refused_of
-from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
-from turnout.measurement.formats.channel_table import table_columns
-from turnout.measurement.formats.clock import is_time_name, is_time_unit
+from turnout.measurement.formats.clock import is_time_name
 from turnout.measurement.formats.extent import MOST_CHANNELS, Declared
 from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.named_arrays import (
     NAME_LISTS,
-    NO_TIME,
-    columns_of_arrays,
+    ArrayFile,
+    NamedArray,
     gains_not_applied,
     stated_clock,
-    time_unit_of,
 )
 from turnout.measurement.formats.time_axis import moment_of
 from turnout.measurement.recording import Recording
@@ -62,22 +58,21 @@ class Content:
         self._declared = Declared(path)
         self._seen: set[Any] = set()
 
-    def datasets(self) -> Iterator[tuple[str, h5py.Dataset, str]]:
-        """Yield each dataset with its path in the file and the unit of times around it."""
-        yield from self._within(self._file, "", 0, "")
+    def datasets(self) -> Iterator[tuple[str, h5py.Dataset]]:
+        """Yield each dataset with its path in the file."""
+        yield from self._within(self._file, "", 0)
 
     def _within(
-        self, group: h5py.Group, prefix: str, depth: int, unit: str
-    ) -> Iterator[tuple[str, h5py.Dataset, str]]:
+        self, group: h5py.Group, prefix: str, depth: int
+    ) -> Iterator[tuple[str, h5py.Dataset]]:
         if depth > LARGEST_DEPTH:
             message = f"{self._path}: its groups are nested deeper than {LARGEST_DEPTH}"
             raise FileError(message + "; save it again, flatter")
-        unit = time_unit_of(_attributes(group)) or unit
         for name, item in self.members(group, prefix):
             if isinstance(item, h5py.Group):
-                yield from self._within(item, f"{name}/", depth + 1, unit)
+                yield from self._within(item, f"{name}/", depth + 1)
             elif isinstance(item, h5py.Dataset):
-                yield name, item, unit
+                yield name, item
 
     def members(self, group: h5py.Group, prefix: str = "") -> Iterator[tuple[str, Any]]:
         """Yield the members of a group that no group before it held, with their paths."""
@@ -149,15 +144,15 @@ def read_hdf5(path: Path, *, allow_outside: bool = False) -> Recording:
     FileError
         When it holds no channel, refers to other files or declares too much.
     """
+    found = ArrayFile(str(path))
     with h5py.File(path, "r") as file:
         content = Content(path, file, allow_outside=allow_outside)
-        found = _Found(str(path))
         with refused_of(path):
-            for name, item, unit in content.datasets():
-                found.take_dataset(name, item, content, unit)
-            found.take_groups(file)
+            for name, item in content.datasets():
+                _take_dataset(found, name, item, content)
+            _take_groups(found, file)
         found.problems = [*content.problems, *found.problems]
-        return found.recording(_attributes(file))
+        return found.recording(_first(_attributes(file), START_TIMES))
 
 
 def read_netcdf3(path: Path) -> Recording:
@@ -168,135 +163,88 @@ def read_netcdf3(path: Path) -> Recording:
     FileError
         When it holds no channel or declares too much.
     """
-    found = _Found(str(path))
+    found = ArrayFile(str(path))
     with xr.open_dataset(path, engine="scipy", decode_cf=False) as file:
         Declared(path).add(sum(item.size for item in file.variables.values()))
-        attributes = {str(key).lower(): value for key, value in file.attrs.items()}
         with refused_of(path):
             for name, item in file.variables.items():
-                own = {str(key).lower(): value for key, value in item.attrs.items()}
-                found.take(str(name), item.to_numpy(), own, time_unit_of(attributes))
-                found.scale(str(name), item.shape, item.dims)
-    found.take_attributes("", attributes)
-    return found.recording(attributes)
+                _take(found, str(name), item.to_numpy(), _attributes(item), item.dims)
+        attributes = _attributes(file)
+    _take_attributes(found, "", attributes)
+    return found.recording(_first(attributes, START_TIMES))
 
 
-class _Found:
-    """Contents of the datasets of a file, as they are met."""
-
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.arrays: dict[str, NDArray[Any]] = {}
-        self.units: dict[str, str] = {}
-        self.scales: dict[str, str] = {}
-        self.texts: dict[str, list[str]] = {}
-        self.columns: list[FileColumn] = []
-        self.problems: list[str] = []
-
-    def recording(self, attributes: dict[str, Any]) -> Recording:
-        """Return the recording of all that was taken from a file with these attributes."""
-        with refused_of(self.source):
-            columns, problems = columns_of_arrays(
-                self.arrays, self.texts, self.units, scales=self.scales
-            )
-        return assemble_recording(
-            [*self.columns, *columns],
-            source=self.source,
-            start_time=_first(attributes, START_TIMES) or None,
-            problems=[*self.problems, *problems],
-            remedy=NO_TIME,
-        )
-
-    def take_dataset(self, name: str, item: h5py.Dataset, content: Content, time_unit: str) -> None:
-        """Take a dataset of HDF5 as a table, a list of texts, a number or a channel."""
-        if _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
-            return
-        last = name.rsplit("/", 1)[-1]
-        names = [[scale.name.lstrip("/") for scale in along.values()] for along in item.dims]
-        own = name if h5py.h5ds.is_scale(item.id) else ""
-        self.scale(name, item.shape or (), [(found or [own])[0] for found in names])
-        wanted = last.lower() in (*NAME_LISTS, "units") or item.size == 1 or is_time_name(last)
-        if item.dtype.kind in "OS" and wanted:
-            self.texts[name] = [_text(value) for value in np.ravel(content.read(item))]
-        if item.dtype.names:
-            self._take_table(name, content.read(item), _attributes(item), time_unit)
-        if item.dtype.kind in "biuf" and item.ndim <= 2:
-            held = content.read(item) if item.size else np.zeros(0)
-            self.take(name, held, _attributes(item), time_unit)
-
-    def scale(self, name: str, shape: Sequence[int], dims: Sequence[Hashable]) -> None:
-        """Keep the name of the dimension along which an array is longest, where it has one."""
-        longest = max(range(len(shape)), key=lambda axis: shape[axis], default=None)
-        if longest is not None and (along := str(dims[longest])):
-            self.scales[name] = along
-
-    def take(self, name: str, held: Any, attributes: dict[str, Any], time_unit: str) -> None:
-        """Take an array with its attributes as a number or a channel; texts are left out."""
-        held = np.asarray(held)
-        if held.dtype.kind not in "biuf" or held.ndim > 2:
-            return
-        if not held.size:
-            self.columns.append(FileColumn(name, np.zeros(0)))
-            return
-        last = name.rsplit("/", 1)[-1]
-        clock = stated_clock(attributes, own=True, unit=time_unit)
-        rate, unit = clock.rate_of_rows(), _first(attributes, UNITS)
-        values = _unpacked(held, attributes)
-        self.problems += gains_not_applied(name, attributes)
-        since = " since " in unit or (is_time_unit(unit) and is_time_name(last))
-        if rate is None or held.ndim > 1 or since:
-            if rate is not None:
-                self.arrays[f"{name}/sample_rate"] = np.array(rate[0])
-            if clock.start is not None:
-                self.arrays[f"{name}/start_sec"] = np.array(clock.start)
-            for key, _, text in (said.partition(": ") for said in clock.reduced):
-                self.texts[f"{name}/{key}"] = [text]
-            self.arrays[name], self.units[name] = values, unit
-            return
-        shown, described = _first(attributes, ("name",)) or name, _first(attributes, DESCRIPTIONS)
-        begin = moment_of(_first(attributes, START_TIMES))
-        column = FileColumn(shown, values.reshape(-1), tidy_unit(unit), described)
-        self.columns.append(replace(column, rate=rate[0], start=clock.start or 0.0, begin=begin))
-
-    def _take_table(
-        self, name: str, cells: Any, attributes: dict[str, Any], time_unit: str
-    ) -> None:
+def _take_dataset(found: ArrayFile, name: str, item: h5py.Dataset, content: Content) -> None:
+    """Take a dataset of HDF5 as a table, a list of texts, a number or a channel."""
+    if _text(item.attrs.get("NAME", "")).startswith(_NO_VARIABLE):
+        return
+    last, attributes = name.rsplit("/", 1)[-1], _attributes(item)
+    wanted = last.lower() in (*NAME_LISTS, "units") or item.size == 1 or is_time_name(last)
+    if item.dtype.kind in "OS" and wanted:
+        found.texts[name] = [_text(value) for value in np.ravel(content.read(item))]
+    if item.dtype.names:
+        held = content.read(item)
         units = {key: _text(value) for key, value in attributes.items()}
-        cells_of = [
-            TableColumn(field, _cells(cells[field]), units.get(f"{field.lower()}_unit", ""))
-            for field in cells.dtype.names
-            if cells[field].ndim == 1
+        cells = [
+            TableColumn(field, _cells(held[field]), units.get(f"{field.lower()}_unit", ""))
+            for field in held.dtype.names
+            if held[field].ndim == 1
         ]
-        source = f"{self.source}: '{name}'"
-        table = Table(cells_of, stated_clock(attributes, unit=time_unit), source, alone=False)
-        columns, remarks = table_columns(table)
-        self.columns += columns
-        self.problems += remarks
-
-    def take_attributes(self, folder: str, attributes: dict[str, Any]) -> None:
-        """Take single attributes of the file or a group as variables in it."""
-        for key, value in attributes.items():
-            single = np.ravel(value)
-            if key == "x0":
-                what = f"'{folder}{key}' ({value}) is not applied, as it may be a place"
-                self.problems.append(f"{what}; a start of times is 'start' [s]")
-            elif single.size == 1 and single.dtype.kind in "biuf":
-                self.arrays.setdefault(f"{folder}{key}", single)
-            elif single.size == 1 and isinstance(single[0], str | bytes):
-                self.texts.setdefault(f"{folder}{key}", [_text(single)])
-
-    def take_groups(self, file: h5py.File) -> None:
-        """Take the rates that the file and its groups state for all they hold."""
-        folders = {"": file}
-        for name in [*self.arrays, *self.units]:
-            for end in (place for place, letter in enumerate(name) if letter == "/"):
-                folders[name[: end + 1]] = file[name[:end]]
-        for folder, group in folders.items():
-            self.take_attributes(folder, _attributes(group))
+        source = f"{found.source}: '{name}'"
+        found.tables[name] = Table(cells, stated_clock(attributes), source, alone=False)
+    if item.dtype.kind in "biuf" and item.ndim <= 2:
+        own = name if h5py.h5ds.is_scale(item.id) else ""
+        names = [[scale.name.lstrip("/") for scale in along.values()] for along in item.dims]
+        held = content.read(item) if item.size else np.zeros(0)
+        _take(found, name, held, attributes, [(along or [own])[0] for along in names])
 
 
-def _attributes(item: h5py.HLObject) -> dict[str, Any]:
-    return {key.lower(): value for key, value in item.attrs.items()}
+def _take(
+    found: ArrayFile, name: str, held: Any, attributes: dict[str, Any], dims: Sequence[Hashable]
+) -> None:
+    """Take an array with its attributes as a number or a channel; texts are left out."""
+    held = np.asarray(held)
+    if held.dtype.kind not in "biuf" or held.ndim > 2:
+        return
+    found.problems += gains_not_applied(name, attributes)
+    clock = stated_clock(attributes, own=True)
+    longest = int(np.argmax(held.shape)) if held.size and held.ndim else None
+    found.arrays[name] = NamedArray(
+        _unpacked(held, attributes),
+        _first(attributes, UNITS),
+        _first(attributes, ("name",)) if clock.rate() else "",
+        _first(attributes, DESCRIPTIONS),
+        "" if longest is None else str(dims[longest]),
+        clock,
+        moment_of(_first(attributes, START_TIMES)),
+    )
+
+
+def _take_attributes(found: ArrayFile, folder: str, attributes: dict[str, Any]) -> None:
+    """Take single attributes of the file or a group as variables in it."""
+    for key, value in attributes.items():
+        single = np.ravel(value)
+        if key == "x0":
+            what = f"'{folder}{key}' ({value}) is not applied, as it may be a place"
+            found.problems.append(f"{what}; a start of times is 'start' [s]")
+        elif single.size == 1 and single.dtype.kind in "biuf":
+            found.arrays.setdefault(f"{folder}{key}", NamedArray(single))
+        elif single.size == 1 and isinstance(single[0], str | bytes):
+            found.texts.setdefault(f"{folder}{key}", [_text(single)])
+
+
+def _take_groups(found: ArrayFile, file: h5py.File) -> None:
+    """Take the rates that the file and its groups state for all they hold."""
+    folders = {"": file}
+    for name in (*found.arrays, *found.tables):
+        for end in (place for place, letter in enumerate(name) if letter == "/"):
+            folders[name[: end + 1]] = file[name[:end]]
+    for folder, group in folders.items():
+        _take_attributes(found, folder, _attributes(group))
+
+
+def _attributes(item: Any) -> dict[str, Any]:
+    return {str(key).lower(): value for key, value in item.attrs.items()}
 
 
 def _cells(column: NDArray[Any]) -> NDArray[Any]:

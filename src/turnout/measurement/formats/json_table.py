@@ -66,9 +66,10 @@ def _found(path: Path, held: Any) -> Recording | Table:
     units: dict[str, str] = {}
     facts: list[dict[str, Any]] = []
     for _ in range(_LARGEST_DEPTH):
-        table = _columns(held)
         if isinstance(held, Mapping):
             facts += _facts(held, units)
+            held = _by_name(held, units)
+        table = _columns(held)
         if table is not None:
             break
         inner = list(held.values()) if isinstance(held, Mapping) else []
@@ -111,7 +112,28 @@ def _tables_in(held: Any) -> bool:
 
 
 def _scalars(held: Mapping[Any, Any]) -> dict[str, Any]:
-    return {str(key): v for key, v in held.items() if type(v) in (str, int, float)}
+    """Return single values, a number with its unit in an object of its own as a text."""
+    values = {str(key): _first_of(v, ("value", "magnitude"), v) for key, v in held.items()}
+    units = {str(key): _first_of(v, _UNITS, "") for key, v in held.items()}
+    single = {key: v for key, v in values.items() if type(v) in (str, int, float)}
+    return {key: f"{v} {units[key]}" if units[key] else v for key, v in single.items()}
+
+
+def _first_of(held: Any, names: Sequence[str], default: Any) -> Any:
+    """Return the first value of an object under one of some names."""
+    keys = {squeezed(str(key)): key for key in held} if isinstance(held, Mapping) else {}
+    return next((held[keys[name]] for name in names if name in keys), default)
+
+
+def _by_name(held: Mapping[str, Any], units: dict[str, str]) -> Any:
+    """Return channels that stand under their names as a list, or as lists with their times."""
+    found = {str(k): v for k, v in held.items() if _is_curve(_first_of(v, _VALUES, None))}
+    if not found or any(isinstance(value, list) for value in held.values()):
+        return held
+    if any(map(is_time_name, found)):
+        units |= {name: str(_first_of(item, _UNITS, "")) for name, item in found.items()}
+        return {name: _first_of(item, _VALUES, []) for name, item in found.items()}
+    return [{"name": name, **item} for name, item in found.items()]
 
 
 def _facts(held: Mapping[str, Any], units: dict[str, str]) -> list[dict[str, Any]]:
@@ -120,12 +142,13 @@ def _facts(held: Mapping[str, Any], units: dict[str, str]) -> list[dict[str, Any
     for key, value in held.items():
         if squeezed(key) in _UNITS and isinstance(value, Mapping):
             units |= {str(name): str(unit) for name, unit in value.items()}
-        elif isinstance(value, Mapping) and not any(
-            isinstance(inner, Mapping | list) for inner in value.values()
-        ):
+        elif isinstance(value, Mapping):
+            single = _scalars(value)
+            others = [inner for name, inner in value.items() if str(name) not in single]
             # A rate of another object may be that of anything.
             rates = ("rate", "ratehz", "ratekhz")
-            facts.append({k: v for k, v in _scalars(value).items() if squeezed(k) not in rates})
+            if not any(isinstance(inner, Mapping | list) for inner in others):
+                facts.append({k: v for k, v in single.items() if squeezed(k) not in rates})
     return [*facts, _scalars(held)]
 
 
@@ -185,6 +208,10 @@ def _cells(values: list[Any]) -> NDArray[Any]:
     return cells
 
 
+def _is_curve(values: Any) -> bool:
+    return isinstance(values, list) and _are_numbers(values)
+
+
 def _are_numbers(values: list[Any]) -> bool:
     return all(value is None or type(value) in (int, float) for value in values)
 
@@ -199,14 +226,12 @@ def _channels(
     found: list[FileColumn] = []
     problems: list[str] = []
     for item in held:
-        keys = {squeezed(str(key)): key for key in item}
-        values = next((item[keys[k]] for k in _VALUES if k in keys), None)
-        name = next((str(item[keys[k]]) for k in _NAMES if k in keys), None)
-        if name is None or not isinstance(values, list) or not _are_numbers(values):
+        values, name = _first_of(item, _VALUES, None), _first_of(item, _NAMES, None)
+        if name is None or not _is_curve(values):
             return [], []
-        bare, unit = named_unit(name, next((str(item[keys[k]]) for k in _UNITS if k in keys), ""))
+        bare, unit = named_unit(str(name), str(_first_of(item, _UNITS, "")))
         times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
-        own = stated_clock(_scalars(item), own=True, unit=stated.unit)
+        own = stated_clock(*_facts(item, {}), own=True)
         clock = own.within(stated)
         columns = [TableColumn(key, _cells(cells)) for key, cells in times.items()]
         columns.append(TableColumn(bare, _cells(values), unit))

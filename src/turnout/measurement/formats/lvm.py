@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import named_unit
-from turnout.measurement.formats.clock import StatedClock
+from turnout.measurement.formats.clock import StatedClock, StatedRates
 from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.numbers import numbers
 from turnout.measurement.formats.text_dialect import encoding_of
@@ -62,8 +62,8 @@ def read_lvm(path: Path) -> Table:
     units = by_channel.get("y_unit_label", [])
     alike = bool(steps) and np.unique(later).size == 1
     if alike:
-        stated.rates.append(("Delta_X", tuple(1.0 / step for step in steps)))
-        stated.start = float(later[0])
+        stated.rates.append(StatedRates("Delta_X", tuple(1.0 / step for step in steps)))
+        stated.first = (float(later[0]), False)
     columns = []
     for place, name in enumerate(names):
         if place not in places and not with_times:

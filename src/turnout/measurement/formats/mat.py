@@ -15,13 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.io import loadmat, savemat
 
-from turnout.core.errors import FileError, refused_of
-from turnout.measurement.formats.assemble import FileColumn, assemble_recording, named_unit
-from turnout.measurement.formats.channel_table import table_columns
+from turnout.measurement.formats.assemble import FileColumn, named_unit
+from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
 from turnout.measurement.formats.hdf5 import Content, read_hdf5
-from turnout.measurement.formats.named_arrays import NO_TIME, columns_of_arrays, stated_clock
+from turnout.measurement.formats.named_arrays import ArrayFile, NamedArray
 from turnout.measurement.recording import Recording
 
 # Of lists that a file written here has beside its vectors, an entry a channel.
@@ -134,71 +133,42 @@ def _objects(path: Path) -> tuple[dict[str, Any], list[str]]:
     return found, problems
 
 
-def _tables(
-    path: Path, objects: Mapping[str, Any], single: Mapping[str, Any]
-) -> tuple[list[FileColumn], list[str]]:
-    """Return the columns of tables and timetables, and the remarks."""
-    columns: list[FileColumn] = []
-    problems: list[str] = []
-    for name, value in objects.items():
-        if not isinstance(value, pd.DataFrame):
-            continue
-        units = [str(u) for u in value.attrs.get("VariableUnits", value.attrs.get("varUnits", []))]
-        given = [value.index] if value.index.dtype.kind in "mM" else []
-        cells = [TableColumn("Time", np.asarray(index)) for index in given]
-        for place, label in enumerate(value.columns):
-            bare, unit = named_unit(str(label), units[place] if place < len(units) else "")
-            cells.append(TableColumn(bare, np.asarray(value[label]), unit))
-        table = Table(cells, stated_clock(single), f"'{name}'", alone=False)
-        try:
-            found, remarks = table_columns(table)
-        except FileError as error:
-            problems.append(f"a table is left out: {error}")
-        else:
-            columns += found
-            problems += remarks
-    return columns, problems
+def _table(name: str, frame: pd.DataFrame) -> Table:
+    """Return a table or timetable; its clock is that of the file."""
+    units = [str(u) for u in frame.attrs.get("VariableUnits", frame.attrs.get("varUnits", []))]
+    cells = [TableColumn("Time", np.asarray(frame.index))] * (frame.index.dtype.kind in "mM")
+    for place, label in enumerate(frame.columns):
+        bare, unit = named_unit(str(label), units[place] if place < len(units) else "")
+        cells.append(TableColumn(bare, np.asarray(frame[label]), unit))
+    return Table(cells, StatedClock(), f"'{name}'", alone=False)
 
 
 def _recording(content: Mapping[str, Any], path: Path, *, objects: bool) -> Recording:
-    arrays: dict[str, NDArray[Any]] = {}
-    texts: dict[str, list[str]] = {}
-    remarks: list[str] = []
-    units: dict[str, str] = {}
-    labels: dict[str, str] = {}
-    held, found = _objects(path) if objects else ({}, [])
-    for name, value in _flat({**content, **held}, "", units, labels):
+    found = ArrayFile(str(path))
+    held, found.problems = _objects(path) if objects else ({}, [])
+    for name, value, unit, label in _flat({**content, **held}, ""):
         if isinstance(value, str):
-            texts[name] = [value]
+            found.texts[name] = [value]
+        elif isinstance(value, pd.DataFrame):
+            found.tables[name] = _table(name, value)
         elif _is_texts(value):
-            texts[name] = [item if isinstance(item, str) else "" for item in np.ravel(value)]
+            found.texts[name] = [item if isinstance(item, str) else "" for item in np.ravel(value)]
         elif isinstance(value, np.ndarray | int | float | complex):
             array = np.asarray(value)
             if array.dtype.kind in "biufmM":
-                arrays[name] = array
+                found.arrays[name] = NamedArray(array, unit, label)
             elif array.dtype.kind == "c":
-                remarks.append(f"array '{name}' is left out: its numbers are complex")
-    single = {name: array for name, array in arrays.items() if array.size == 1}
-    tables, unread = _tables(path, held, single)
-    start_time = next((v[0] for k, v in texts.items() if k.lower().endswith("start_time")), None)
-    if f"{_PREFIX}variables" in texts and f"{_PREFIX}rates" in arrays:
-        columns, problems = _own_variable(arrays, texts), list[str]()
-    else:
-        with refused_of(path):
-            columns, problems = columns_of_arrays(arrays, texts, units, labels)
-    return assemble_recording(
-        [*columns, *tables],
-        source=str(path),
-        start_time=start_time or None,
-        problems=[*problems, *remarks, *found, *unread],
-        remedy=NO_TIME,
-    )
+                found.problems.append(f"array '{name}' is left out: its numbers are complex")
+    texts = found.texts.items()
+    start_time = next((v[0] for k, v in texts if k.lower().endswith("start_time")), None)
+    if f"{_PREFIX}variables" in found.texts and f"{_PREFIX}rates" in found.arrays:
+        found.columns, found.arrays = _own_variable(found), {}
+    return found.recording(start_time)
 
 
-def _own_variable(
-    arrays: Mapping[str, NDArray[Any]], texts: Mapping[str, list[str]]
-) -> list[FileColumn]:
+def _own_variable(found: ArrayFile) -> list[FileColumn]:
     """Read variables written by `mat_bytes`."""
+    arrays, texts = {name: array.values for name, array in found.arrays.items()}, found.texts
     variables = texts[f"{_PREFIX}variables"]
     described = (
         [*texts.get(f"{_PREFIX}{key}", []), *[""] * len(variables)]
@@ -215,34 +185,27 @@ def _own_variable(
     ]
 
 
-def _flat(
-    content: Mapping[str, Any], prefix: str, units: dict[str, str], labels: dict[str, str]
-) -> Iterator[tuple[str, Any]]:
-    """Yield the variables of a file by dotted names; structures are opened.
-
-    Units and names of signals that Simulink states are added to `units` and `labels`.
-    """
+def _flat(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any, str, str]]:
+    """Yield the variables of a file: dotted name, value, and unit and name that Simulink states."""
     for name, value in content.items():
         fields, path = _fields(value), f"{prefix}{name}"
         if fields is not None and {"Time", "Data", "TimeInfo"} <= set(fields):
-            labels[f"{path}.Data"] = _text_in(fields, "Name") or path
-            units[f"{path}.Data"] = _text_in(_fields(fields.get("DataInfo")) or {}, "Units")
             clock = _fields(fields["TimeInfo"]) or {}
             zero = _text_in(clock, "StartDate")
-            units[f"{path}.Time"] = _text_in(clock, "Units") + f" since {zero}" * bool(zero)
-            yield f"{path}.Time", _times_in(fields["Time"], fields["Data"], clock)
-            yield f"{path}.Data", np.squeeze(fields["Data"])
+            unit = _text_in(clock, "Units") + f" since {zero}" * bool(zero)
+            yield f"{path}.Time", _times_in(fields["Time"], fields["Data"], clock), unit, ""
+            unit = _text_in(_fields(fields.get("DataInfo")) or {}, "Units")
+            yield f"{path}.Data", np.squeeze(fields["Data"]), unit, _text_in(fields, "Name") or path
         elif fields is not None and "values" in fields and "label" in fields:
-            labels[f"{path}.values"] = _text_in(fields, "label")
-            yield f"{path}.values", np.squeeze(fields["values"])
+            yield f"{path}.values", np.squeeze(fields["values"]), "", _text_in(fields, "label")
         elif fields is not None:
-            yield from _flat(fields, f"{path}.", units, labels)
+            yield from _flat(fields, f"{path}.")
         elif isinstance(value, np.ndarray) and value.dtype.kind == "O" and not _is_texts(value):
             inner = {f"{name} {n}": item for n, item in enumerate(value.ravel(), start=1)}
             held = {k: v for k, v in inner.items() if _fields(v) is not None or np.ndim(v)}
-            yield from _flat(held, prefix, units, labels)
+            yield from _flat(held, prefix)
         else:
-            yield path, value
+            yield path, value, "", ""
 
 
 def _text_in(fields: Mapping[str, Any], key: str) -> str:

@@ -2,12 +2,20 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.measurement.formats.assemble import FileColumn, named_unit, split_unit
+from turnout.core.errors import FileError, refused_of
+from turnout.measurement.formats.assemble import (
+    FileColumn,
+    assemble_recording,
+    named_unit,
+    split_unit,
+)
+from turnout.measurement.formats.channel_table import table_columns
 from turnout.measurement.formats.clock import (
     StatedClock,
     is_numbered_channel,
@@ -15,6 +23,7 @@ from turnout.measurement.formats.clock import (
     is_time_unit,
     unit_in_name,
 )
+from turnout.measurement.formats.file_table import Table
 from turnout.measurement.formats.time_axis import (
     TimeAxis,
     is_stamp,
@@ -23,7 +32,9 @@ from turnout.measurement.formats.time_axis import (
     numeric_axis,
     rate_remark,
     stamps_axis,
+    unit_remark,
 )
+from turnout.measurement.recording import Recording
 
 NO_TIME = "add an array 'time' [s] of the same length or a number 'sample_rate' [1/s]"
 # Data1_Rod_1 has its times in Data1_time_Rod_1: the way of DewesoftX.
@@ -35,31 +46,118 @@ UNIT_LISTS = ("units", "channel_units")
 MOST_COLUMNS = 256
 
 
+@dataclass(slots=True, eq=False)
+class NamedArray:
+    """An array of a file with what the file says of it.
+
+    Attributes
+    ----------
+    values : ndarray
+        Numbers of up to two dimensions.
+    unit, label, description : str
+        Where the file states them; the label goes before the name.
+    along : str
+        Dimension along which it lies; times of another one are not its times.
+    clock : StatedClock
+        Stated for it alone.
+    begin : float or None
+        Moment from which its start counts [s].
+    """
+
+    values: NDArray[Any]
+    unit: str = ""
+    label: str = ""
+    description: str = ""
+    along: str = ""
+    clock: StatedClock = field(default_factory=StatedClock)
+    begin: float | None = None
+
+    @property
+    def vector(self) -> NDArray[Any] | None:
+        """Its values in one dimension; None if it is a matrix."""
+        values = self.values
+        return values.reshape(-1) if values.size in (0, max((*values.shape, 1))) else None
+
+
+@dataclass(slots=True, eq=False)
+class ArrayFile:
+    """Named arrays, texts and tables of a file, from which its channels are chosen.
+
+    Attributes
+    ----------
+    source : str
+        The file, for messages.
+    arrays : dict of str to NamedArray
+        By name, folders parted by points or slashes.
+    texts : dict of str to list of str
+        Lists of texts, by name.
+    tables : dict of str to Table
+        Without the clock that is stated around them.
+    columns : list of FileColumn
+        Channels that need no choice.
+    problems : list of str
+        Remarks.
+    """
+
+    source: str
+    arrays: dict[str, NamedArray] = field(default_factory=dict)
+    texts: dict[str, list[str]] = field(default_factory=dict)
+    tables: dict[str, Table] = field(default_factory=dict)
+    columns: list[FileColumn] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    def recording(self, start_time: str | None) -> Recording:
+        """Return the recording of all that was taken; FileError when it has no channel."""
+        with refused_of(self.source):
+            clocks = self._clocks()
+            found, problems = columns_of_arrays(self.arrays, self.texts, clocks)
+        for name, table in self.tables.items():
+            stated = table.stated.within(_clock_of(name, clocks))
+            try:
+                columns, remarks = table_columns(replace(table, stated=stated))
+            except FileError as error:
+                problems.append(f"a table is left out: {error}")
+            else:
+                found += columns
+                problems += remarks
+        return assemble_recording(
+            [*self.columns, *found],
+            source=self.source,
+            start_time=start_time or None,
+            problems=[*self.problems, *problems],
+            remedy=NO_TIME,
+        )
+
+    def _clocks(self) -> dict[str, StatedClock]:
+        """Return the clock that the numbers and texts in each folder state."""
+        folders: dict[str, dict[str, Any]] = {}
+        single = {k: a.values.item() for k, a in self.arrays.items() if a.values.size == 1}
+        single |= {name: items[0] for name, items in self.texts.items() if len(items) == 1}
+        for name, value in single.items():
+            folders.setdefault(_folder(name), {})[name] = value
+        return {folder: stated_clock(values) for folder, values in folders.items()}
+
+
 def columns_of_arrays(
-    arrays: Mapping[str, NDArray[Any]],
+    arrays: Mapping[str, NamedArray],
     texts: Mapping[str, Sequence[str]],
-    units: Mapping[str, str] | None = None,
-    labels: Mapping[str, str] | None = None,
-    scales: Mapping[str, str] | None = None,
+    clocks: Mapping[str, StatedClock],
 ) -> tuple[list[FileColumn], list[str]]:
     """Find the channels among named arrays.
 
     A vector is a channel; a matrix is one a column (or a row, where it is wider than long), named
-    by a list of as many texts. Times come from the array `Data1_time_NAME` of `Data1_NAME`, else
-    from a vector called time of the same length, else from a number called sample rate.
+    by a list of as many texts. Its own rate goes first. Times come from the array
+    `Data1_time_NAME` of `Data1_NAME`, else from a vector called time of the same length, else from
+    a number called sample rate.
 
     Parameters
     ----------
-    arrays : mapping of str to ndarray
-        Numeric arrays of up to two dimensions, by name.
+    arrays : mapping of str to NamedArray
+        By name.
     texts : mapping of str to sequence of str
         Lists of texts, by name.
-    units : mapping of str to str, optional
-        Unit by name of the array, where the file states it.
-    labels : mapping of str to str, optional
-        Name of the channel by name of the array, where the file states another one.
-    scales : mapping of str to str, optional
-        Dimension along which an array lies, by its name; times of another one are not its times.
+    clocks : mapping of str to StatedClock
+        What the numbers in each folder state.
 
     Returns
     -------
@@ -70,65 +168,77 @@ def columns_of_arrays(
 
     Examples
     --------
-    >>> columns, _ = columns_of_arrays({"t": np.arange(3) / 1e3, "rod": np.ones(3)}, {})
+    >>> arrays = {"t": NamedArray(np.arange(3) / 1e3), "rod": NamedArray(np.ones(3))}
+    >>> columns, _ = columns_of_arrays(arrays, {}, {})
     >>> columns[0].name, columns[0].time
     ('rod', array([0.   , 0.001, 0.002]))
     """
-    units, labels, scales, problems = units or {}, labels or {}, scales or {}, list[str]()
-    flat = {name: _vector(array) for name, array in arrays.items()}
-    numbers = {k: v for k, v in flat.items() if v is not None and v.dtype.kind in "biuf"}
-    single = {name: vector[0] for name, vector in numbers.items() if vector.size == 1}
-    stated = _stated_clocks(single | {k: v[0] for k, v in texts.items() if len(v) == 1})
+    times, named, problems = _times(arrays, texts, clocks)
+    columns: list[FileColumn] = []
+    over = {name: array.along for name, array in arrays.items() if array.along}
+    for name, array in arrays.items():
+        vector, mine, own = array.vector, over.get(name), array.clock.rate_of_rows()
+        clock = array.clock.within(_clock_of(name, clocks))
+        along = {key: axis for key, axis in times.items() if mine in (over.get(key, mine), None)}
+        if name in named or (vector is not None and vector.size == 1):
+            continue
+        if vector is not None:
+            axis = None if own else _time_of(name, vector.size, along)
+            shown, (_, unit) = array.label or _named(name), named_unit(_last(name), array.unit)
+            columns.append(_timed(shown, vector, unit, axis, clock))
+        elif array.values.ndim == 2 and min(array.values.shape) <= MOST_COLUMNS:
+            columns += _of_matrix(name, array, texts, along, clock)
+        else:
+            problems.append(f"array '{name}' has the shape {array.values.shape} and is no channel")
+            continue
+        if own and vector is not None:
+            columns[-1] = replace(columns[-1], description=array.description, begin=array.begin)
+    return columns, problems
+
+
+def _times(
+    arrays: Mapping[str, NamedArray],
+    texts: Mapping[str, Sequence[str]],
+    clocks: Mapping[str, StatedClock],
+) -> tuple[dict[str, TimeAxis], set[str], list[str]]:
+    """Return the times that arrays and texts hold, the names of all that stand for some, remarks."""
     times: dict[str, TimeAxis] = {}
-    named = {
-        name
-        for name, a in arrays.items()
-        if _is_time(name)
-        or a.dtype.kind in "mM"
-        or (scales.get(name) == name and is_time_unit(units.get(name, "").partition(" since ")[0]))
-    }
-    for name, vector in flat.items():
-        if vector is None or name not in named:
+    named: set[str] = set()
+    problems: list[str] = []
+    for name, array in arrays.items():
+        vector, clock = array.vector, array.clock.within(_clock_of(name, clocks))
+        moments, bare_unit = array.values.dtype.kind in "mM", array.unit.partition(" since ")[0]
+        if not (_is_time(name) or moments or (array.along == name and is_time_unit(bare_unit))):
             continue
-        moments = vector.dtype.kind in "mM"
         bare, own = split_unit(_last(name))
-        unit = units.get(name, "") or own
+        unit = array.unit or own
         if not unit and bare != "T" and not unit_in_name(bare):
-            unit = _clock_of(name, stated).unit
-        if not moments and vector.size < 2:
+            unit = clock.unit
+        several = vector is not None and vector.size > 1 and not moments
+        if vector is not None and several and not _holds_time(bare, vector, unit, clock):
             continue
-        if not moments and not _holds_time(bare, vector, unit, _clock_of(name, stated)):
-            named.discard(name)
+        named.add(name)
+        if vector is None or not (several or moments):
             continue
         try:
-            times[name] = (
+            axis = (
                 moments_axis(vector)
                 if moments
                 else numeric_axis(vector.astype(np.float64), name=bare, unit=unit)
             )
         except ValueError as error:
             problems.append(f"array '{name}' is not used as time: {error}")
+            continue
+        unstated = axis.begin is None and is_time_name(bare) and not (unit or unit_in_name(bare))
+        remark = unit_remark(axis.seconds, name) if unstated and clock.rate() is None else ""
+        times[name] = replace(axis, remark=remark or axis.remark)
     for name, items in texts.items():
         if len(items) > 1 and _is_time(name) and all(map(is_stamp, items)):
             times[name] = stamps_axis(items)
-    columns: list[FileColumn] = []
-    for name, array in arrays.items():
-        vector, clock, over = flat[name], _clock_of(name, stated), scales.get(name)
-        along = {key: axis for key, axis in times.items() if over in (scales.get(key, over), None)}
-        if name in named or (vector is not None and vector.size == 1):
-            continue
-        if vector is not None:
-            shown, axis = labels.get(name) or _named(name), _time_of(name, vector.size, along)
-            _, unit = named_unit(_last(name), units.get(name, ""))
-            columns.append(_timed(shown, vector, unit, axis, clock))
-        elif array.ndim == 2 and min(array.shape) <= MOST_COLUMNS:
-            columns += _of_matrix(name, array, texts, along, clock, labels.get(name) or name)
-        else:
-            problems.append(f"array '{name}' has the shape {array.shape} and is no channel")
-    return columns, problems
+    return times, named, problems
 
 
-def stated_clock(*facts: Mapping[str, Any], own: bool = False, unit: str = "") -> StatedClock:
+def stated_clock(*facts: Mapping[str, Any], own: bool = False) -> StatedClock:
     """Return the clock that names and their single values state.
 
     Parameters
@@ -138,15 +248,13 @@ def stated_clock(*facts: Mapping[str, Any], own: bool = False, unit: str = "") -
     own : bool
         Whether they describe one channel, of which a "rate" is the sample rate; that of a group
         may be a shaft's.
-    unit : str
-        Unit of times that is stated around them; their own goes before it.
 
     Examples
     --------
     >>> stated_clock({"bearing.sr": 97656.0, "bearing.rate": 25.0}).rate()
     (97656.0,)
     """
-    stated = StatedClock(unit=time_unit_of(*facts) or unit)
+    stated = StatedClock()
     for values in facts:
         for name, value in values.items():
             its = str(values.get(f"{name}_unit", ""))
@@ -154,14 +262,6 @@ def stated_clock(*facts: Mapping[str, Any], own: bool = False, unit: str = "") -
                 stated.read(_last(name), [text], unit=its) or stated.read(name, [text], unit=its)
     stated.turning |= not own
     return stated
-
-
-def time_unit_of(*facts: Mapping[str, Any]) -> str:
-    """Return the unit of times that names and their single values state; empty if they do not."""
-    stated = StatedClock()
-    for name, value in (item for values in facts for item in values.items()):
-        stated.read_unit(name, [str(text) for text in _single(value)])
-    return stated.unit
 
 
 def _single(value: Any) -> list[Any]:
@@ -177,17 +277,6 @@ def gains_not_applied(name: str, attributes: Mapping[str, Any]) -> list[str]:
         for key in GAINS
         if key in attributes and np.any(np.ravel(attributes[key]) != np.array(1))
     ]
-
-
-def _stated_clocks(values: Mapping[str, Any]) -> dict[str, StatedClock]:
-    """Return the clock that is stated in each folder of the file."""
-    folders: dict[str, dict[str, Any]] = {}
-    for name, value in values.items():
-        folders.setdefault(_folder(name), {})[name] = value
-    clocks: dict[str, StatedClock] = {}
-    for folder in sorted(folders, key=len):
-        clocks[folder] = stated_clock(folders[folder], unit=_around(folder, clocks).unit)
-    return clocks
 
 
 def _clock_of(name: str, stated: Mapping[str, StatedClock]) -> StatedClock:
@@ -223,10 +312,6 @@ def _timed(
         return FileColumn(name, values, unit, time=axis.seconds, begin=axis.begin, remark=remark)
     rate, start = clock.rate_of_rows(), clock.start or 0.0
     return FileColumn(name, values, unit, rate=rate[0] if rate else None, start=start)
-
-
-def _vector(array: NDArray[Any]) -> NDArray[Any] | None:
-    return array.reshape(-1) if array.size in (0, max((*array.shape, 1))) else None
 
 
 def _last(name: str) -> str:
@@ -279,13 +364,13 @@ def _number(name: str) -> str:
 
 def _of_matrix(
     name: str,
-    array: NDArray[Any],
+    array: NamedArray,
     texts: Mapping[str, Sequence[str]],
     times: Mapping[str, TimeAxis],
     clock: StatedClock,
-    label: str,
 ) -> list[FileColumn]:
-    table = array if array.shape[0] >= array.shape[1] else array.T
+    table, label = array.values, array.label or name
+    table = table if table.shape[0] >= table.shape[1] else table.T
     count = table.shape[1]
     names = _list(texts, NAME_LISTS, count) or [f"{label} {i}" for i in range(1, count + 1)]
     units = _list(texts, UNIT_LISTS, count) or [""] * count

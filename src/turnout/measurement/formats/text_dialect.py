@@ -241,11 +241,6 @@ def _heading(
     # A column that holds samples must have a name if another has.
     filled = [any(cells[place] for cells in table) for place in range(width)]
     last_filled, found = width < 2 or filled[-1], Heading()
-    for cells in filter(None, rows):
-        said = _LABELLED.fullmatch(cells[0]) or _PARTED.fullmatch(cells[0])
-        pair = said.groups() if said and len(cells) == 1 else cells[:2]
-        if len(pair) == 2:
-            found.stated.read_unit(pair[0].strip('#" :='), [pair[1].strip('" ')])
     rows = _without_facts(rows, found, decimal)
     while not (width < 2 or filled[width - 1] or (rows and rows[-1][width - 1 : width] > [""])):
         width -= 1
@@ -535,7 +530,9 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
         if best is not None and not any(separator in line for line in lines):
             continue
         behind_tab = {line[0] == "\t" for line in lines if line.rstrip()[-1:].isdigit()}
-        if separator == " " and (len(behind_tab) > 1 or any(map(_EMPTY_CELL.search, lines))):
+        barred = best is not None and best[0] == "|" and best[3] > 1
+        gaps = barred or len(behind_tab) > 1 or any(map(_EMPTY_CELL.search, lines))
+        if separator == " " and gaps:
             continue
         rows = [split_line(line, separator) for line in lines]
         for decimal in marks:

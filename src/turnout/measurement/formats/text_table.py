@@ -29,6 +29,9 @@ NO_TIME = "give a column 'Time (s)' or a line 'Sample rate: 1000 Hz' above the n
 _EMPTY_LINE = re.compile(r"\n[ \t]*(?=\n)")
 _FORMULA = re.compile(rb'(^|[,;\t])="', re.MULTILINE)
 """A cell that Excel shall keep as a text: ="0.5"."""
+_RULE = re.compile(rb"^[ \t]*(?=[^\n]*[|+])[|+]?[ \t]*:?-{3,}[-|+:= \t\r]*$", re.MULTILINE)
+_EDGE = re.compile(rb"^[ \t]*\||\|[ \t\r]*$", re.MULTILINE)
+"""A line drawn between the rows of a table, as Markdown has one; and what stands at its sides."""
 MOST_FOOTER = 40
 """Rows below a table that may be statistics of it; and rows beside it that may be a heading."""
 
@@ -61,6 +64,9 @@ def text_table(content: bytes, *, source: str) -> Table:
         When there is none, or its rows differ in width.
     """
     content = _FORMULA.sub(rb'\1"', content) if b'="' in content else content
+    rules = _RULE.findall(content[:SAMPLE_SIZE])
+    if len(rules) == 1 or (rules and all(rule.lstrip().startswith(b"+") for rule in rules)):
+        content = _EDGE.sub(b"", _RULE.sub(b"", content))
     layout = text_layout(content[:SAMPLE_SIZE], source=source)
     with refused_of(source):
         return _table(content, layout, source)

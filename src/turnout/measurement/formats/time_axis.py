@@ -29,6 +29,9 @@ _DAYS = ((730_486.0, 767_011.0, 719_529.0), (2_451_544.0, 2_488_070.0, 2_440_587
 _LARGEST_DAY_STEP = 2e-5
 # Steps of a time of day in days: as seconds they would be above 500 kHz.
 _LARGEST_SHARE_STEP = 2e-6
+# A column without a unit that steps less or more, or has many times and is shorter, may not be in
+# seconds [s].
+_USUAL_STEP, _LEAST_LENGTH, _MANY = (1e-5, 0.2), 0.5, 20
 _MONTHS = {
     name: number
     for number, names in enumerate(
@@ -249,10 +252,32 @@ def rate_remark(time: Floats, rate: float) -> str:
     >>> rate_remark(np.arange(5) * 0.04, 20.0), rate_remark(np.arange(5) * 0.05, 20.0)
     ('check the time: its times show 25 Hz, 20 Hz is stated', '')
     """
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    if not step > 0.0 or abs(step * rate - 1.0) <= LARGEST_DEPARTURE:
+    shown = rate_of(time)
+    if not shown or abs(rate / shown - 1.0) <= LARGEST_DEPARTURE:
         return ""
-    return f"check the time: its times show {1.0 / step:.6g} Hz, {rate:.6g} Hz is stated"
+    return f"check the time: its times show {shown:.6g} Hz, {rate:.6g} Hz is stated"
+
+
+def rate_of(time: Floats) -> float:
+    """Return the rate [1/s] that the typical step of times [s] shows; 0 if they do not rise."""
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    return 1.0 / step if step > 0.0 else 0.0
+
+
+def unit_remark(time: Floats, name: str) -> str:
+    """Return a remark if times without a unit are those of no throw [s]; empty if they may be.
+
+    Examples
+    --------
+    >>> unit_remark(np.arange(100) / 1500.0, "t"), unit_remark(np.arange(100) / 25.0, "t")
+    ("check the time: 't' states no unit and is taken as seconds", '')
+    """
+    if time.size < 2:
+        return ""
+    step, (least, most) = float(np.median(np.diff(time))), _USUAL_STEP
+    if least < step < most and (time.size < _MANY or time[-1] - time[0] >= _LEAST_LENGTH):
+        return ""
+    return f"check the time: '{name}' states no unit and is taken as seconds"
 
 
 def rises_evenly(values: Floats) -> bool:
