@@ -526,3 +526,19 @@ def test_a_rate_of_its_own_within_a_start_of_the_file(tmp_path: Path) -> None:
         **{"Force": 2.0, "Matrix 1": 2.0, "Matrix 2": 2.0, "Current": 1.0, "group/Force": 3.0},
         **{"Speed": 2.0, "U": 2.0},
     }
+
+
+def test_a_column_of_milliseconds_is_no_number_of_a_channel(tmp_path: Path) -> None:
+    stamp = moment("%Y/%m/%d,%H:%M:%S")
+    text = "Date,Time,sec,Force\n" + "".join(
+        f"{stamp(n)},{40 * n % 1000:03d},{FORCE[n % COUNT]}\n" for n in range(100)
+    )
+    with pytest.raises(FileError, match="'Time': its times are in whole seconds, coarser than"):
+        read(tmp_path / "throw.csv", text)
+
+
+def test_a_column_ts_of_unix_milliseconds(tmp_path: Path) -> None:
+    text = "ts,Force\n" + "".join(f"{1795853640000 + 40 * n},{f}\n" for n, f in enumerate(FORCE))
+    recording = read(tmp_path / "throw.csv", text)
+    assert recording.start_time == "2026-11-28T08:14:00"
+    assert recording.channel("Force").rate == pytest.approx(25.0)

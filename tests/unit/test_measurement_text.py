@@ -208,3 +208,18 @@ def test_tables_with_lines_between_rows(tmp_path: Path, edge: str, rule: str, en
     rod = recording.channel("Rod 1")
     assert (rod.rate, rod.values.tolist()) == (25.0, [float(n * n % 7) for n in range(20)])
     assert recording.problems == ()
+
+
+def test_a_row_of_units_without_one_of_the_time(tmp_path: Path) -> None:
+    rows = "".join(f"{n * 0.04:.3E},{n * n % 7:.3E},2.0E+00\n" for n in range(20))
+    text = f'"HIOKI 8860"\n"Interval","40ms"\n"CH1-1","1-2"\n"V","A"\n"Time","CH1","CH2"\n{rows}'
+    recording = read_recording(written(tmp_path, text))
+    assert [item.unit for item in recording.channels.values()] == ["V", "A"]
+    assert recording.channel("CH1").rate == 25.0
+
+
+@pytest.mark.parametrize("separator", ["\t", " | "])
+def test_blanks_within_cells_part_no_columns(tmp_path: Path, separator: str) -> None:
+    rows = [("Time", "I A"), *((f"28.11.2026 08:14:{n:02d},500", "2,5") for n in range(20))]
+    text = "".join(separator.join(row) + "\n" for row in rows)
+    assert list(read_recording(written(tmp_path, text)).channels) == ["I A"]

@@ -23,6 +23,7 @@ from turnout.measurement.formats.clock import (
     is_signal_name,
     is_throw_name,
     is_time_name,
+    is_time_word,
     squeezed,
     unit_in_name,
 )
@@ -304,7 +305,8 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
 
 def _numbers_signals(table: Table, place: int) -> bool:
     """Return True if a column beside the time holds each of its numbers once at each time."""
-    if _STATE.search(squeezed(label_of(table, place))):
+    label = label_of(table, place)
+    if is_time_word(label) or _STATE.search(squeezed(label)):
         return False
     values = table.values[place].tolist()
     for at, axis in table.axes.items():
@@ -485,7 +487,8 @@ def _channels(table: Table) -> list[int]:
         index = table.named and is_index_name(name) and not letter and counts_throws(values)
         if headless or index:
             step = float(np.median(np.diff(values)))
-            rows = f"; check the time: its steps are {step:g}, are rows missing?" * (step != 1.0)
+            beside = bool(table.axes) and index and step != 1.0
+            rows = f"; check the time: its steps are {step:g}, are rows missing?" * beside
             shown = f"column '{label_of(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time{rows}")
         elif is_throw_name(name) and is_constant(values):

@@ -123,7 +123,7 @@ _MOMENT = re.compile(
 )
 _TIME = re.compile(
     r"(?:data\d+)?(?:relative|elapsed|rel|utc|local|unix|epoch|system|sample)?"
-    r"(?:time|times|zeit|tid|temps|tiempo|tempo|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
+    r"(?:time|times|zeit|tid|temps|tiempo|tempo|ts|t|timestamp|timestamps|zeitstempel|tidsst[aä]mpel|"
     r"datetime|date&time|dateandtime|date/time|datumzeit|datumuhrzeit|datum/zeit|datum/uhrzeit|"
     r"uhrzeit|tidpunkt|xvalue|timeaxis|timevec(?:tor)?|zeitachse|zeitvektor|tout|epoch|posix|"
     r"posixtime|czas|tijd|aika|čas|idő|время|时间|時間|timeoffset|zeitversatz|datenum|serialdate|"

@@ -201,7 +201,7 @@ def _times(
     texts: Mapping[str, Sequence[str]],
     clocks: Mapping[str, StatedClock],
 ) -> tuple[dict[str, TimeAxis], set[str], list[str]]:
-    """Return the times that arrays and texts hold, the names of all that stand for some, remarks."""
+    """Return the times that arrays and texts hold, what is named as one, and remarks."""
     times: dict[str, TimeAxis] = {}
     named: set[str] = set()
     problems: list[str] = []

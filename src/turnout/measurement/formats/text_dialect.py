@@ -361,7 +361,7 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
         names = len(rows) - 1
     near = [n for n in unit_rows if n != names and (names is None or n >= names - 1)]
     if near:
-        found.units = [tidy_unit(text) for text in rows[near[-1]]]
+        found.units = [tidy_unit(text.lstrip(SHORT)) for text in rows[near[-1]]]
     for place, (number, cells) in enumerate(wide):
         if names is None or (place >= names and place not in near[-1:]):
             _refuse_numbers(number, cells, decimal, below=names is not None and place > names)
@@ -525,13 +525,13 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
 
     With `units` a cell may hold a number with its unit.
     """
-    best, best_score = None, (0.0, 0)
+    best, best_score, whole_share = None, (0.0, 0), 0.0
     for separator, marks in DECIMAL_MARKS.items():
         if best is not None and not any(separator in line for line in lines):
             continue
         behind_tab = {line[0] == "\t" for line in lines if line.rstrip()[-1:].isdigit()}
-        barred = best is not None and best[0] == "|" and best[3] > 1
-        gaps = barred or len(behind_tab) > 1 or any(map(_EMPTY_CELL.search, lines))
+        parted = best is not None and best[0] in "|\t" and best[3] > 1 and whole_share > 0.9
+        gaps = parted or len(behind_tab) > 1 or any(map(_EMPTY_CELL.search, lines))
         if separator == " " and gaps:
             continue
         rows = [split_line(line, separator) for line in lines]
@@ -559,10 +559,11 @@ def _best(lines: Sequence[str], *, units: bool = False) -> tuple[str, str, int, 
             missed = all(last) and (shares[row - 1] >= 0.5 or _are_numbers(last))
             fits = 1 if heading and missed else fits
             table = zip(rows[row:], shares[row:], strict=True)
-            total = sum(share * share for cells, share in table if len(cells) == width)
-            score = (round(total * fits, 6), width)
+            squares = [share * share for cells, share in table if len(cells) == width]
+            score = (round(sum(squares) * fits, 6), width)
             if score > best_score:
                 best, best_score = (separator, decimal, row, width), score
+                whole_share = sum(squares) / len(squares)
     return best
 
 

@@ -31,7 +31,7 @@ _LARGEST_DAY_STEP = 2e-5
 _LARGEST_SHARE_STEP = 2e-6
 # A column without a unit that steps less or more, or has many times and is shorter, may not be in
 # seconds [s].
-_USUAL_STEP, _LEAST_LENGTH, _MANY = (1e-5, 0.2), 0.5, 20
+_USUAL_STEP, _LEAST_LENGTH, _MANY = (1e-5, 0.2), 0.2, 30
 _MONTHS = {
     name: number
     for number, names in enumerate(
