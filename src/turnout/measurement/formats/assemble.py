@@ -4,15 +4,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError
 from turnout.core.problems import choices, count_in_words
-from turnout.measurement.formats.clock import DAY, is_time_name, is_time_unit
+from turnout.measurement.formats.clock import DAY, StatedClock, is_time_name, is_time_unit
 from turnout.measurement.formats.extent import MOST_CHANNELS
-from turnout.measurement.formats.time_axis import iso_time
+from turnout.measurement.formats.time_axis import TimeAxis, iso_time, rate_remark
 from turnout.measurement.recording import RecordedChannel, Recording, TimeGrid, on_grid, time_grid
 
 # Taken for a unit in round brackets, in a row of units, or behind a name; square brackets always
@@ -90,6 +91,27 @@ class FileColumn:
     start: float = 0.0
     begin: float | None = None
     remark: str = ""
+
+
+def clocked(axis: TimeAxis | None, stated: StatedClock, *, number: int = 0) -> dict[str, Any]:
+    """Return the clock of a column, in the terms of `FileColumn`.
+
+    Parameters
+    ----------
+    axis : TimeAxis or None
+        Its times, where the file gives them; a stated rate is compared with them.
+    stated : StatedClock
+        Stated for it.
+    number : int
+        Number of the column, of which each may have its own rate.
+    """
+    if axis is not None:
+        rates = stated.rate()
+        remark = rate_remark(axis.seconds, rates[0]) if rates else ""
+        return {"time": axis.seconds, "begin": axis.begin, "remark": remark or axis.remark}
+    rates = stated.rate_of_rows()
+    rate = None if rates is None else rates[number if len(rates) > 1 else 0]
+    return {"rate": rate, "start": stated.start or 0.0}
 
 
 def named_unit(heading: str, stated: str = "") -> tuple[str, str]:

@@ -6,24 +6,25 @@ and several throws in one table never become one channel.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, refused_of
 from turnout.core.problems import choices, count_in_words
-from turnout.measurement.formats.assemble import FileColumn, assemble_recording, tidy_unit
+from turnout.measurement.formats.assemble import (
+    FileColumn,
+    assemble_recording,
+    clocked,
+    tidy_unit,
+)
 from turnout.measurement.formats.clock import (
-    is_direction_name,
-    is_index_name,
-    is_signal_name,
-    is_throw_name,
+    Kind,
+    is_called,
     is_time_name,
-    is_time_word,
     squeezed,
     unit_in_name,
 )
@@ -45,7 +46,6 @@ from turnout.measurement.formats.time_axis import (
     is_date,
     numeric_axis,
     rate_of,
-    rate_remark,
     unit_remark,
 )
 from turnout.measurement.recording import Recording, time_grid
@@ -203,7 +203,7 @@ def _cut(table: Table, parts: Mapping[str, Rows], by: str, throw: str | None) ->
         overloads={},
         problems=[*table.problems, f"throw '{throw}', one of {len(parts)} in the table"],
     )
-    for place in [p for p in cut.values if is_throw_name(label_of(table, p))]:
+    for place in [p for p in cut.values if is_called(label_of(table, p), "throw")]:
         del cut.values[place]
     return cut
 
@@ -219,7 +219,7 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     """Return the rows of each throw by its label, and the column that tells them apart."""
     rows = max((len(column.cells) for column in table.columns), default=0)
     curves = bool(table.curves) and rows > 1
-    for place, labels in _labels_named(table, is_throw_name):
+    for place, labels in _cells_called(table, "throw").items():
         starts = _changes(labels)
         names = [labels[i] for i in starts]
         if len(set(names)) == len(names) > 1 and (curves or 2 * len(names) <= len(labels)):
@@ -228,15 +228,14 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
         shown = label_of(table, next(iter(table.curves)))
         # An id that may be mistaken for the number of the row is the label.
         rank = {f"{number}" for number in range(1, rows + 1)}
-        named = _labels_named(table, lambda name: squeezed(name) == "id")
-        ids = next((ids for _, ids in named if len({*ids}) == rows and rank & {*ids}), [])
+        named = _cells_called(table, "id").values()
+        ids = next((ids for ids in named if len({*ids}) == rows and rank & {*ids}), [])
         return _rows(range(rows), rows, ids), f"a curve in each cell of column '{shown}'"
-    numbers, texts = _cells_named(table, is_direction_name)
-    for place, turns in {**texts, **numbers}.items():
+    for place, turns in _cells_called(table, "direction").items():
         starts = _changes(turns)
         if 1 < len(starts) <= len(turns) / LEAST_CURVE and not table.axes:
             return _rows(starts, len(turns)), f"column '{label_of(table, place)}' changes"
-    indices = {p: v for p, v in table.values.items() if is_index_name(table.columns[p].name)}
+    indices = {p: v for p, v in table.values.items() if is_called(table.columns[p].name, "index")}
     times = {place: axis.seconds for place, axis in table.axes.items()}
     for place, values in [*times.items(), *indices.items()]:
         again = restarts(values) if values.size > 2 else np.zeros(0, np.intp)
@@ -249,20 +248,12 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     return {}, ""
 
 
-def _labels_named(table: Table, is_named: Callable[[str], bool]) -> list[tuple[int, list[str]]]:
-    """Return place and cells, as texts, of the columns with some names."""
-    numbers, texts = _cells_named(table, is_named)
-    named = {place: [f"{cell:.15g}" for cell in cells] for place, cells in numbers.items()}
-    return list({**named, **texts}.items())
-
-
-def _cells_named(
-    table: Table, is_named: Callable[[str], bool]
-) -> tuple[dict[int, list[Any]], dict[int, list[Any]]]:
-    """Return the cells of the columns of numbers and of those of texts with some names."""
-    names = {place: table.columns[place].name for place in (*table.values, *table.texts)}
-    numbers = {p: values.tolist() for p, values in table.values.items() if is_named(names[p])}
-    return numbers, {p: list(cells) for p, cells in table.texts.items() if is_named(names[p])}
+def _cells_called(table: Table, kind: Kind) -> dict[int, list[str]]:
+    """Return the cells, as texts, of the columns that may be of a kind."""
+    names = {place: column.name for place, column in enumerate(table.columns)}
+    numbers = {p: v for p, v in table.values.items() if is_called(names[p], kind)}
+    texts = {p: cells for p, cells in table.texts.items() if is_called(names[p], kind)}
+    return {**{p: [f"{cell:.15g}" for cell in v.tolist()] for p, v in numbers.items()}, **texts}
 
 
 def _changes(cells: Sequence[object]) -> list[int]:
@@ -290,7 +281,7 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
         counts_of = Counter(cells)
         if not 1 < len(counts_of) <= min(_MOST_SIGNALS, len(cells) / 2):
             continue
-        if is_signal_name(table.columns[place].name):
+        if is_called(table.columns[place].name, "signal"):
             return place
         if not any_name or len(set(counts_of.values())) != 1:
             continue
@@ -306,7 +297,7 @@ def _signal_column(table: Table, *, any_name: bool = False) -> int | None:
 def _numbers_signals(table: Table, place: int) -> bool:
     """Return True if a column beside the time holds each of its numbers once at each time."""
     label = label_of(table, place)
-    if is_time_word(label) or _STATE.search(squeezed(label)):
+    if is_called(label, "unit of time") or _STATE.search(squeezed(label)):
         return False
     values = table.values[place].tolist()
     for at, axis in table.axes.items():
@@ -366,13 +357,8 @@ def _curve_columns(table: Table) -> list[FileColumn]:
     if times:
         column, cells = table.columns[times[0]], np.concatenate(table.curves[times[0]])
         axes = [numeric_axis(cells, name=column.name, unit=column.unit), *axes]
-    rate = stated.rate_of_rows() if not times else None
-    clock: dict[str, Any] = {
-        "time": axes[0].seconds if times else None,
-        "rate": rate[0] if rate else None,
-        "start": stated.start or 0.0,
-        "begin": next((axis.begin for axis in axes if axis.begin is not None), None),
-    }
+    begin = next((axis.begin for axis in axes if axis.begin is not None), None)
+    clock = clocked(axes[0] if times else None, stated) | {"begin": begin}
     return [
         FileColumn(
             label_of(table, place),
@@ -398,7 +384,7 @@ def _long_columns(table: Table) -> list[FileColumn]:
     places = [
         p
         for p, v in table.values.items()
-        if p != by and not (is_index_name(table.columns[p].name) and counts_throws(v))
+        if p != by and not (is_called(table.columns[p].name, "index") and counts_throws(v))
     ]
     if not places or np.all(np.diff(axis.seconds) > 0):
         return []
@@ -438,16 +424,12 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         if several:
             values = values[: count_filled(values)]
         name = column.name or f"column {place + 1}"
-        clock: dict[str, Any] = {}
+        clock = clocked(axis, table.stated, number=number)
         if axis is not None:
             values = _to_length(values, axis.seconds.size)
-            clock = {"time": axis.seconds, "begin": axis.begin, "remark": axis.remark}
         elif left:
-            clock = {"begin": table.axes[left[-1]].begin, "remark": "its times only tell its start"}
-        if axis is None:
-            stated = table.stated.rate_of_rows()
-            own = None if stated is None else stated[number if len(stated) > 1 else 0]
-            clock |= {"rate": own, "start": table.stated.start or 0.0}
+            only = "its times only tell its start"
+            clock |= {"begin": table.axes[left[-1]].begin, "remark": only}
         empty = int(np.count_nonzero(np.isnan(values))) - table.overloads.get(place, 0)
         if empty > 0:
             what = f"{count_in_words(empty, 'cell')} empty, taken as missing"
@@ -484,14 +466,14 @@ def _channels(table: Table) -> list[int]:
         headless = not table.named and place == 0 and counts(values) and len(table.values) > 1
         # Beside a time a letter may be anything that counts up.
         letter = bool(table.axes) and len(name) == 1 and name.isalpha()
-        index = table.named and is_index_name(name) and not letter and counts_throws(values)
+        index = table.named and is_called(name, "index") and not letter and counts_throws(values)
         if headless or index:
             step = float(np.median(np.diff(values)))
             beside = bool(table.axes) and index and step != 1.0
             rows = f"; check the time: its steps are {step:g}, are rows missing?" * beside
             shown = f"column '{label_of(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time{rows}")
-        elif is_throw_name(name) and is_constant(values):
+        elif is_called(name, "throw") and is_constant(values):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
         else:
             found.append(place)
@@ -521,8 +503,7 @@ def _usable(
     unstated = numeric and not (column.unit or unit_in_name(column.name))
     if rate is None and unstated and (remark := unit_remark(axis.seconds, name)):
         table.problems.append(remark)
-    remark = rate_remark(axis.seconds, rate[0]) if rate else ""
-    return replace(axis, remark=remark or axis.remark)
+    return axis
 
 
 def _is_even(axis: TimeAxis | None, other: TimeAxis) -> bool:

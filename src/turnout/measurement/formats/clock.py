@@ -8,7 +8,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,19 +131,29 @@ _TIME = re.compile(
     r"\d{0,2}"
     r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>m?sec|ms|us|usec|ns|s)?"
 )
-_ABSCISSA = re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden")
-# Units of time that name a column of times by themselves; "min" may be a minimum, "s" a way.
-_TIME_WORDS = re.compile(r"sec|secs|seconds?|sek|sekunden?|msec|millis(?:econds?)?|ms|us|µs|usec")
-_INDEX = re.compile(
-    r"(?:sample|scan|point|record|row|data|mess)?(?:index|idx|no|nr|number|num|nummer|count|punkt)|"
-    r"n|i|k|x|rn|#|sample|samples|scan|point|points|record|row|line|zeile|sequence|seq|counter|t|"
-    r"time|indexlevel0|unnamed:0"
-)
-_THROW = re.compile(
-    r"(?:throw|move|movement|run|umlauf|umstellung|stellvorgang|operation|event|cycle|curve|shot|"
-    r"omläggning|switching|test|segment|record|trace)(?:_?(?:no|nr|id|number|num|index|idx))?"
-)
-_LONG = re.compile(r"signal|channel|variable|parameter|tag|sensor|kanal|quantity|name|key|series")
+Kind = Literal["abscissa", "date", "direction", "id", "index", "signal", "throw", "unit of time"]
+_KINDS: dict[Kind, re.Pattern[str]] = {
+    "abscissa": re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden"),
+    "date": re.compile(r"date|datum|day"),
+    "direction": re.compile(r"direction|dir|richtung|riktning|sens"),
+    "id": re.compile(r"id"),
+    "index": re.compile(
+        r"|(?:sample|scan|point|record|row|data|mess)?(?:index|idx|no|nr|number|num|nummer|count|"
+        r"punkt)|n|i|k|x|rn|#|sample|samples|scan|point|points|record|row|line|zeile|sequence|seq|"
+        r"counter|t|time|indexlevel0|unnamed0"
+    ),
+    "signal": re.compile(
+        r"signal|channel|variable|parameter|tag|sensor|kanal|quantity|name|key|series"
+    ),
+    "throw": re.compile(
+        r"(?:throw|move|movement|run|umlauf|umstellung|stellvorgang|operation|event|cycle|curve|"
+        r"shot|omläggning|switching|test|segment|record|trace)(?:no|nr|id|number|num|index|idx)?"
+    ),
+    # "min" may be a minimum, "s" a way.
+    "unit of time": re.compile(
+        r"sec|secs|seconds?|sek|sekunden?|msec|millis(?:econds?)?|ms|us|µs|usec"
+    ),
+}
 _LEAST_RISING = 0.9
 """Share of the steps of a column of times that are up, with room for faults among them."""
 _STATED = re.compile(
@@ -206,51 +216,37 @@ def often_falls(values: NDArray[np.floating]) -> bool:
 def unit_in_name(name: str) -> str:
     """Return the unit of time at the end of a name: "time_ms" -> "ms"; empty if there is none."""
     word = squeezed(name)
-    if _TIME_WORDS.fullmatch(word):
+    if _KINDS["unit of time"].fullmatch(word):
         return word
     match = _TIME.fullmatch(word)
     plural = word.endswith("times") and not name.strip().endswith("_s")
     return _as_written(name, match["unit"]) if match and not plural else ""
 
 
-def is_time_word(name: str) -> bool:
-    """Return True for a unit of time in place of a name: "ms" above a column that rises."""
-    return _TIME_WORDS.fullmatch(squeezed(name)) is not None
+def is_called(name: str, kind: Kind) -> bool:
+    """Return True if a column of this name, without its unit, may be of a kind.
 
+    Parameters
+    ----------
+    name : str
+        As the file writes it.
+    kind : str
+        "abscissa" is the time as soon as its unit is one of time, "date" holds days as soon as its
+        numbers may be some, "index" counts samples (also without a name), "throw" numbers throws,
+        "direction" tells that of a throw, "signal" which signal a row belongs to; "unit of time"
+        stands in place of a name.
 
-def is_date_name(name: str) -> bool:
-    """Return True if a column of this name holds days, as soon as its numbers may be some."""
-    return squeezed(name) in ("date", "datum", "day")
-
-
-def is_abscissa_name(name: str) -> bool:
-    """Return True if a column of this name is the time as soon as its unit is one of time."""
-    return _ABSCISSA.fullmatch(squeezed(name).replace("-", "")) is not None
-
-
-def is_index_name(name: str) -> bool:
-    """Return True if a column of this name may count samples."""
-    return not name or _INDEX.fullmatch(squeezed(name).replace("-", "")) is not None
-
-
-def is_throw_name(name: str) -> bool:
-    """Return True if a column of this name numbers throws."""
-    return _THROW.fullmatch(squeezed(name)) is not None
+    Examples
+    --------
+    >>> is_called("Throw no.", "throw"), is_called("", "index"), is_called("Force", "index")
+    (True, True, False)
+    """
+    return _KINDS[kind].fullmatch(squeezed(name).replace("-", "")) is not None
 
 
 def is_speed(text: str) -> bool:
     """Return True for the name or unit of a speed of rotation; a "rate" beside may be its."""
     return _TURNING.search(squeezed(text)) is not None
-
-
-def is_direction_name(name: str) -> bool:
-    """Return True if a column of this name tells the direction of a throw."""
-    return squeezed(name) in ("direction", "dir", "richtung", "riktning", "sens")
-
-
-def is_signal_name(name: str) -> bool:
-    """Return True if a column of this name says which signal a row belongs to."""
-    return _LONG.fullmatch(squeezed(name)) is not None
 
 
 def seconds_of(unit: str) -> float:

@@ -19,17 +19,13 @@ from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
 from turnout.measurement.formats.clock import (
     SECONDS,
+    Kind,
     StatedClock,
-    is_abscissa_name,
-    is_date_name,
-    is_direction_name,
-    is_index_name,
+    is_called,
     is_numbered_channel,
     is_speed,
-    is_throw_name,
     is_time_name,
     is_time_unit,
-    is_time_word,
     often_falls,
     seconds_of,
     squeezed,
@@ -268,10 +264,8 @@ def _turn_rows(table: Table) -> None:
     matches = [_NUMBERED.fullmatch(column.name) for column in columns]
     stems = Counter(match[1] for match in matches if match)
     stem, size = stems.most_common(1)[0] if stems else ("", 0)
-    numbers_throw = any(
-        is_throw_name(c.name) or is_direction_name(c.name) or squeezed(c.name) == "id"
-        for c in columns
-    )
+    kinds: tuple[Kind, ...] = ("throw", "direction", "id")
+    numbers_throw = any(is_called(column.name, kind) for column in columns for kind in kinds)
     if size >= _LEAST_NUMBERED and numbers_throw:
         places = [place for place, match in enumerate(matches) if match and match[1] == stem]
         curves = np.empty(count, dtype=object)
@@ -388,10 +382,12 @@ def _name_axes(table: Table) -> None:
         even = rises_evenly(given)
         rises = place == 0 and even
         another = (even or _has_holes(given)) and _is_another_time(table, place)
-        word = is_time_word(column.name) or (column.name == "s" and _names_units(table))
+        word = is_called(column.name, "unit of time") or (
+            column.name == "s" and _names_units(table)
+        )
         bare = column.name.rstrip("0123456789 _") if timed else column.name
         named = is_time_name(bare) or (rises and word)
-        by_unit = timed and (rises or is_abscissa_name(column.name))
+        by_unit = timed and (rises or is_called(column.name, "abscissa"))
         beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
         if (
             not (named or by_unit or another or place in days)
@@ -455,7 +451,7 @@ def _days(table: Table) -> set[int]:
     found = set()
     for place, column in enumerate(table.columns):
         values = table.values.get(place)
-        if values is None or column.unit or not is_date_name(column.name):
+        if values is None or column.unit or not is_called(column.name, "date"):
             continue
         if day_zero(values[: count_filled(values)]) is None:
             continue
@@ -474,13 +470,13 @@ def _index_axis(table: Table, rate: float) -> None:
     for place, values in table.values.items():
         name = table.columns[place].name
         steps = np.diff(values)
-        if is_index_name(name) and len(name) > 1 and counts(values) and steps[0] > 1:
+        if is_called(name, "index") and len(name) > 1 and counts(values) and steps[0] > 1:
             message = (
                 f"column '{name}' counts in steps of {steps[0]:g} beside a stated rate of {rate:g} "
                 "Hz, so that of the rows is not known; leave the column out, or state their rate"
             )
             raise ValueError(message)
-        if is_index_name(name) and _counts_with_holes(values) and not counts_throws(values):
+        if is_called(name, "index") and _counts_with_holes(values) and not counts_throws(values):
             table.axes[place] = TimeAxis((values - values[0]) / rate)
             del table.values[place]
             return

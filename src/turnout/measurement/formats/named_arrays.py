@@ -12,6 +12,7 @@ from turnout.core.errors import FileError, refused_of
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
+    clocked,
     named_unit,
     split_unit,
 )
@@ -30,7 +31,6 @@ from turnout.measurement.formats.time_axis import (
     may_be_time,
     moments_axis,
     numeric_axis,
-    rate_remark,
     stamps_axis,
     unit_remark,
 )
@@ -185,7 +185,7 @@ def columns_of_arrays(
         if vector is not None:
             axis = None if own else _time_of(name, vector.size, along)
             shown, (_, unit) = array.label or _named(name), named_unit(_last(name), array.unit)
-            columns.append(_timed(shown, vector, unit, axis, clock))
+            columns.append(FileColumn(shown, vector, unit, **clocked(axis, clock)))
         elif array.values.ndim == 2 and min(array.values.shape) <= MOST_COLUMNS:
             columns += _of_matrix(name, array, texts, along, clock)
         else:
@@ -303,17 +303,6 @@ def _folder(name: str) -> str:
     return match[0] if match else ""
 
 
-def _timed(
-    name: str, values: NDArray[Any], unit: str, axis: TimeAxis | None, clock: StatedClock
-) -> FileColumn:
-    if axis is not None:
-        rate = clock.rate()
-        remark = (rate_remark(axis.seconds, rate[0]) if rate else "") or axis.remark
-        return FileColumn(name, values, unit, time=axis.seconds, begin=axis.begin, remark=remark)
-    rate, start = clock.rate_of_rows(), clock.start or 0.0
-    return FileColumn(name, values, unit, rate=rate[0] if rate else None, start=start)
-
-
 def _last(name: str) -> str:
     return name.rsplit(".", 1)[-1].rsplit("/", 1)[-1]
 
@@ -384,7 +373,7 @@ def _of_matrix(
     for number in range(first, count):
         shown, unit = named_unit(names[number], units[number])
         values = np.ascontiguousarray(table[:, number], dtype=np.float64)
-        columns.append(_timed(shown, values, unit, time, clock))
+        columns.append(FileColumn(shown, values, unit, **clocked(time, clock)))
     return columns
 
 
