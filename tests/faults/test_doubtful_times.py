@@ -542,3 +542,11 @@ def test_a_column_ts_of_unix_milliseconds(tmp_path: Path) -> None:
     recording = read(tmp_path / "throw.csv", text)
     assert recording.start_time == "2026-11-28T08:14:00"
     assert recording.channel("Force").rate == pytest.approx(25.0)
+
+
+def test_a_first_row_whose_time_is_a_word(tmp_path: Path) -> None:
+    text = "Time (s),Force\n" + "".join(
+        f"{'start' if n == 0 else f'{n * 0.04:.2f}'},{force}\n" for n, force in enumerate(FORCE)
+    )
+    with pytest.raises(FileError, match="line 2: 'start' is not a number, in a row of numbers"):
+        read(tmp_path / "throw.csv", text)

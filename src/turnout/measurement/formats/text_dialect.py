@@ -263,7 +263,10 @@ def _heading(
         if not cells or cells[0].lower().startswith("sep=") or (logger and number == 0):
             continue
         left_out = found.stated.leaves_out(" ".join(cells))
-        if _labelled(cells, width, found, decimal, beside=not first_empty) or left_out:
+        # Below a time a word before as many numbers is no statement.
+        named = any(is_time_name(split_unit(cell)[0]) for _, above in wide for cell in above)
+        words = not (named and whole and width > 1 and _are_numbers(cells[1:]))
+        if words and _labelled(cells, width, found, decimal, beside=not first_empty) or left_out:
             continue
         if len(cells) < 3 and _LABEL_ALONE.match(cells[0]):
             continue
