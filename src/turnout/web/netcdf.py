@@ -34,7 +34,7 @@ def sent_dataset(path: Path) -> xr.Dataset:
     try:
         with h5py.File(path, "r") as file:
             content = Content(path, file, allow_outside=False)
-            for _, item, _ in content.datasets():
+            for _, item in content.datasets():
                 content.read(item)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError):
         message = f"{path.name}: is no netCDF-4 file, or a damaged one; write it again with turnout"
