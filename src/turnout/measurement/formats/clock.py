@@ -329,7 +329,7 @@ class StatedRates(NamedTuple):
     bare: bool = False
 
     def in_seconds(self, unit: str) -> "StatedRates":
-        """Return these rates where times are in a unit."""
+        """Return these rates, with times in a unit."""
         if not self.bare:
             return self
         factor = seconds_of(unit)

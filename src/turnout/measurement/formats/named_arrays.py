@@ -48,7 +48,7 @@ MOST_COLUMNS = 256
 
 @dataclass(slots=True, eq=False)
 class NamedArray:
-    """An array of a file with what the file says of it.
+    """An array of a file, with its unit, names, dimension and clock.
 
     Attributes
     ----------
@@ -201,7 +201,7 @@ def _times(
     texts: Mapping[str, Sequence[str]],
     clocks: Mapping[str, StatedClock],
 ) -> tuple[dict[str, TimeAxis], set[str], list[str]]:
-    """Return the times that arrays and texts hold, what is named as one, and remarks."""
+    """Return the times in arrays and texts, the names of all that stand for some, and remarks."""
     times: dict[str, TimeAxis] = {}
     named: set[str] = set()
     problems: list[str] = []
