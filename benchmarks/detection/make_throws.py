@@ -30,7 +30,7 @@ from benchmarks.detection.definition import (
 from benchmarks.detection.switch_throws import SwitchThrows, throws_of_switch
 from turnout.core.errors import FileError
 from turnout.core.files import atomic_path, write_atomic
-from turnout.core.kept_lines import claim_for
+from turnout.core.kept_results import claim_for
 from turnout.core.provenance import version
 from turnout.core.workers import Workers
 from turnout.detection.conditions import SIMULATED

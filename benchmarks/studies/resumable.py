@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from turnout.core.kept_lines import append_line, read_lines
+from turnout.core.kept_results import append_line, read_lines
 from turnout.core.progress import Pace
 from turnout.core.workers import Workers
 

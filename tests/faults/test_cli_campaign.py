@@ -187,14 +187,14 @@ def test_a_single_run_is_no_campaign(tmp_path: Path) -> None:
 def test_a_folder_that_may_not_be_written_is_read_all_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    from turnout.core import kept_results
     from turnout.core.errors import FileError
-    from turnout.measurement.campaign import recorded_throw
 
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         message = "no space"
         raise FileError(message)
 
-    monkeypatch.setattr(recorded_throw, "write_atomic", full)
+    monkeypatch.setattr(kept_results, "write_atomic", full)
     folder = copied(tmp_path, built=False)
     assert run("check", folder).exit_code == 0
     assert list((folder / ".turnout").iterdir()) == []

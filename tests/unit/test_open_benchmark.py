@@ -44,7 +44,7 @@ from scipy.stats import norm
 from tests.unit.benchmark_toy import POSITIONS, TIME, toy_benchmark, toy_side
 
 from turnout.core.errors import FileError, StudyError
-from turnout.core.kept_lines import claim_for
+from turnout.core.kept_results import claim_for
 from turnout.detection.detector.allowances import Allowances
 from turnout.detection.detector.training_plan import Population
 

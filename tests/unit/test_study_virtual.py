@@ -132,7 +132,9 @@ def test_another_plan_is_not_mixed_in(tmp_path: Path) -> None:
     folder = tmp_path / "copy"
     shutil.copytree(made(), folder)
     other = CampaignPlan(places=("sleeper 6",), seed=PLAN.seed + 1)
-    with pytest.raises(FileError, match="another panel, seed or plan"):
+    with pytest.raises(
+        FileError, match="another virtual campaign .* or give what it was begun with"
+    ):
         make_virtual_campaign(sb2_panel(), folder, plan=other)
 
 

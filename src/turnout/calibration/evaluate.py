@@ -8,16 +8,16 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self, cast
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, TurnoutError
-from turnout.core.files import make_folder, write_atomic
+from turnout.core.files import make_folder
+from turnout.core.kept_results import read_arrays, write_arrays
 from turnout.core.provenance import content_hash, version
 from turnout.core.scheme import Scheme
-from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.threads import one_blas_thread
 from turnout.core.workers import Workers
 from turnout.panel.foreign_object import ForeignObject
@@ -172,8 +172,7 @@ class Evaluator:
                 self.reused += 1
                 self.work += WORK[throw.kind]
         for key, response in self._made(missing):
-            if self.folder is not None:
-                self._write(key, packed(response, key))
+            self._write(key, response)
             self._known[key] = response
             self.made += 1
             self.work += WORK[missing[key].kind]
@@ -238,17 +237,15 @@ class Evaluator:
     def _read(self, key: str) -> Response | None:
         if self.folder is None:
             return None
-        try:
-            return unpacked((self.folder / f"{key[:40]}.npz").read_bytes(), key)
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
+        return read_arrays(self.folder / f"{key[:40]}.npz", key, unpacked)
 
-    def _write(self, key: str, content: bytes) -> None:
+    def _write(self, key: str, response: Response) -> None:
         # A folder that may not be written to costs time after a stop, never a result.
         if self.folder is not None:
             with suppress(FileError):
                 # A throw that a power cut tears is simulated again; waiting for the disk is slower.
-                write_atomic(self.folder / f"{key[:40]}.npz", content, durable=False)
+                path = self.folder / f"{key[:40]}.npz"
+                write_arrays(path, key, packed(response), durable=False)
 
 
 def throws_done(evaluator: Evaluator) -> int:
@@ -393,11 +390,11 @@ def _failed(reason: str) -> Response:
     return Response(time=no, drive_force={}, marker={}, object_force=no, onsets={}, failure=reason)
 
 
-def packed(response: Response, key: str) -> bytes:
-    """Return a response as the content of the file of a key."""
+def packed(response: Response) -> dict[str, NDArray[Any]]:
+    """Return a response as arrays, of which `unpacked` makes it again."""
     drives = list(response.drive_force)
     shape = (len(drives), response.time.size)
-    arrays = {
+    return {
         "time": response.time,
         "drives": np.array(drives, dtype=np.str_),
         "drive_force": _small(list(response.drive_force.values())).reshape(shape),
@@ -408,7 +405,6 @@ def packed(response: Response, key: str) -> bytes:
         "contact_time": np.array(response.contact_time),
         "failure": np.array(response.failure),
     }
-    return arrays_to_bytes(arrays, key)
 
 
 def _small(values: object) -> Floats:
@@ -416,9 +412,8 @@ def _small(values: object) -> Floats:
     return cast("Floats", np.asarray(values, dtype=np.float32))
 
 
-def unpacked(content: bytes, key: str) -> Response:
-    """Return a response from the content of its file; ValueError where that is damaged."""
-    kept = arrays_from_bytes(content, key)
+def unpacked(kept: Mapping[str, NDArray[Any]], _: object) -> Response:
+    """Return a response from what `packed` made of it."""
     names = [str(name) for name in kept["drives"]]
     directions = [str(name) for name in kept["directions"]]
     return Response(

@@ -34,7 +34,7 @@ from scipy.stats import qmc
 from turnout.calibration.matching.facts import OF_MACHINES, Facts, Sum, Term
 from turnout.calibration.matching.measures import MEASURES, Thrown
 from turnout.core.errors import FileError, PanelError, StudyError, TurnoutError
-from turnout.core.kept_lines import append_line, claim_for, read_lines
+from turnout.core.kept_results import append_line, claim_for, read_lines
 from turnout.core.progress import Pace, Report
 from turnout.core.scheme import Mode
 from turnout.core.threads import one_blas_thread

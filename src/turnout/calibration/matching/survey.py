@@ -24,7 +24,7 @@ from turnout.calibration.matching.match import (
 )
 from turnout.core.errors import TurnoutError
 from turnout.core.json_files import to_plain
-from turnout.core.kept_lines import append_line, read_lines
+from turnout.core.kept_results import append_line, read_lines
 from turnout.core.progress import Pace, Report
 from turnout.core.provenance import content_hash
 from turnout.core.toml import parse_toml

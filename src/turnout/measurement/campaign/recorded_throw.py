@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from turnout.core.errors import FileError, MeasurementError, TurnoutError
-from turnout.core.files import require_regular_file, write_atomic
+from turnout.core.files import require_regular_file
+from turnout.core.kept_results import read_arrays, write_arrays
 from turnout.core.provenance import content_hash, version
-from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.measurement.campaign.campaign_folder import STORE
 from turnout.measurement.campaign.find_throws import Detection, FoundThrow, find_throws
 from turnout.measurement.campaign.run_sheet import SheetRow
@@ -116,7 +117,7 @@ def recorded_throws(
         place = {"movement": run.movement, **({"throw": run.throw} if run.throw else {})}
         key = content_hash({**shared, **place})
         stored = folder / STORE / f"{key[:32]}.npz"
-        piece = _stored(stored, key)
+        piece = read_arrays(stored, key, piece_of_arrays)
         if piece is not None:
             yield piece, True
             continue
@@ -136,7 +137,7 @@ def recorded_throws(
         # A folder that may not be written to is read each time.
         with suppress(FileError, OSError):
             stored.parent.mkdir(exist_ok=True)
-            write_atomic(stored, _packed(cut, key))
+            write_arrays(stored, key, *piece_arrays(cut))
         yield cut, False
 
 
@@ -182,7 +183,8 @@ def _cut(found: _Found | TurnoutError, movement: int, path: Path) -> RecordedThr
     )
 
 
-def _packed(piece: RecordedThrow, key: str) -> bytes:
+def piece_arrays(piece: RecordedThrow) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return a piece as arrays and plain data, from which `piece_of_arrays` makes it again."""
     described = {
         "throw": asdict(piece.throw),
         "start_time": piece.start_time,
@@ -190,26 +192,21 @@ def _packed(piece: RecordedThrow, key: str) -> bytes:
         "force_rates": dict(piece.force_rates),
         "dims": {name: list(piece.dataset[name].dims) for name in piece.dataset.data_vars},
     }
-    arrays: dict[str, Any] = {str(name): piece.dataset[name].values for name in piece.dataset}
+    arrays = {str(name): piece.dataset[name].values for name in piece.dataset}
     arrays["time"] = piece.dataset["time"].values
     arrays["drive"] = piece.dataset["drive"].values.astype(np.str_)
-    arrays["described"] = np.array(json.dumps(described))
-    return arrays_to_bytes(arrays, key)
+    return arrays, described
 
 
-def _stored(path: Path, key: str) -> RecordedThrow | None:
-    """Return a piece from its file, or None if that is missing, damaged or not one of ours."""
-    try:
-        require_regular_file(path)
-        arrays = arrays_from_bytes(path.read_bytes(), key)
-        described: Mapping[str, Any] = json.loads(str(arrays["described"]))
-        dataset = xr.Dataset(
-            {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
-            {"time": arrays["time"], "drive": arrays["drive"]},
-        )
-        throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
-        rest = {key: described[key] for key in ("start_time", "force_rates")}
-        notes = tuple(described["notes"])
-        return RecordedThrow(dataset=dataset, throw=FoundThrow(**throw), notes=notes, **rest)
-    except (OSError, ValueError, LookupError, TypeError, FileError):
-        return None
+def piece_of_arrays(
+    arrays: Mapping[str, NDArray[Any]], described: Mapping[str, Any]
+) -> RecordedThrow:
+    """Return a piece from what `piece_arrays` made of it."""
+    dataset = xr.Dataset(
+        {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
+        {"time": arrays["time"], "drive": arrays["drive"]},
+    )
+    throw = {**described["throw"], "drive_ends": tuple(described["throw"]["drive_ends"])}
+    rest = {key: described[key] for key in ("start_time", "force_rates")}
+    notes = tuple(described["notes"])
+    return RecordedThrow(dataset=dataset, throw=FoundThrow(**throw), notes=notes, **rest)

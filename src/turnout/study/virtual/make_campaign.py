@@ -11,7 +11,8 @@ import numpy as np
 
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import FileError
-from turnout.core.files import make_folder, refuse_file, write_atomic
+from turnout.core.files import refuse_file, write_atomic
+from turnout.core.kept_results import claim_for
 from turnout.core.provenance import content_hash, provenance, version
 from turnout.core.toml import parse_toml
 from turnout.measurement.campaign.build_campaign import stack_movements
@@ -46,7 +47,7 @@ from turnout.throw.drives import machine_supplies
 from turnout.throw.store import save_response
 
 TRUTH = "truth.nc"
-_PLAN_FILE = "plan.json"
+_PLAN_FILE = f"{STATE}/plan.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,22 +149,8 @@ def _claim(folder: Path, panel: LoadedPanel, plan: CampaignPlan) -> None:
     identity = content_hash(
         {"panel": panel.hash, "plan": _plain(asdict(plan)), "version": version()}
     )
-    state = folder / STATE
     refuse_file(folder)
-    if state.is_dir() and (state / _PLAN_FILE).is_file():
-        known = json.loads((state / _PLAN_FILE).read_text(encoding="utf-8"))
-        if known.get("identity") != identity:
-            message = (
-                f"{folder}: holds a virtual campaign of another panel, seed or plan; "
-                "name another folder, or give what it was begun with"
-            )
-            raise FileError(message)
-        return
-    if folder.is_dir() and any(folder.iterdir()):
-        message = f"{folder}: is not empty; name another folder"
-        raise FileError(message)
-    make_folder(state)
-    write_atomic(state / _PLAN_FILE, json.dumps({"identity": identity}))
+    claim_for(folder, _PLAN_FILE, {"digest": identity}, what="virtual campaign")
 
 
 def _plain(value: Any) -> Any:
@@ -220,7 +207,7 @@ def _finish(
             part = read_part(folder, case)
             if part is None:
                 break
-            if part.failure:
+            if part.piece is None:
                 failures.append(f"{case.name}: {part.failure}")
                 break
             thrown.append(WrittenThrow(case, case.name + suffix, part.slipped))

@@ -1,6 +1,5 @@
 """Throw the series of a virtual campaign, in one process or several; each throw is kept."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,13 +8,17 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from turnout.core.files import write_atomic
+from turnout.core.kept_results import read_arrays, write_arrays
 from turnout.core.running_current import running_time
-from turnout.core.stored_arrays import arrays_from_bytes, arrays_to_bytes
 from turnout.core.workers import Workers
 from turnout.measurement.campaign.find_throws import FoundThrow
-from turnout.measurement.campaign.recorded_throw import RecordedThrow
+from turnout.measurement.campaign.recorded_throw import (
+    RecordedThrow,
+    piece_arrays,
+    piece_of_arrays,
+)
 from turnout.measurement.campaign.run_sheet import LOAD_CELL_FROM
 from turnout.measurement.chain.channel_map import ChannelMap
 from turnout.measurement.chain.monitoring import monitored, monitoring_recording
@@ -39,6 +42,7 @@ FIELDS = (
     *("drive_force", "drive_displacement", "drive_slipping", "drive_current", "object_force"),
     "contact_time",
 )
+KEPT = ("drive_force", "drive_current", "object_force")
 # Rest and hold that the truth keeps around a throw, as a build of the campaign does [s].
 KEPT_AROUND = 1.0
 
@@ -61,7 +65,7 @@ class ThrowJob:
 class SeriesPart:
     """Kept result of a throw: its truth, or the reason for having none."""
 
-    piece: RecordedThrow
+    piece: RecordedThrow | None
     slipped: bool
     overrides: Mapping[str, float]
     failure: str
@@ -111,7 +115,7 @@ def make_series(job: ThrowJob, *, report: Callable[[], None] | None = None) -> N
         part = read_part(job.folder, case)
         if part is None:
             part = make_throw(job, case, number=job.first_number + number)
-            write_atomic(_part_path(job.folder, case), _packed(part, case.name))
+            _write_part(job.folder, case, part)
         if report is not None:
             report()
         if part.failure or stops_series(part, case, job.plan):
@@ -153,7 +157,7 @@ def make_throw(job: ThrowJob, case: Case, *, number: int) -> SeriesPart:
     if not run.attrs["complete"]:
         if run.attrs["outcome"] == "interrupted":
             raise KeyboardInterrupt
-        return SeriesPart(_empty_part(), False, overrides, str(run.attrs["outcome_message"]))
+        return SeriesPart(None, False, overrides, str(run.attrs["outcome_message"]))
     lag = plan.defects.build_up_lag
     true = record_throw(
         run,
@@ -193,27 +197,20 @@ def _powers(panel: LoadedPanel) -> tuple[str, ...]:
 
 def read_part(folder: Path, case: Case) -> SeriesPart | None:
     """Return the kept result of a throw, or None if it is missing or damaged."""
-    try:
-        arrays = arrays_from_bytes(_part_path(folder, case).read_bytes(), case.name)
-        known: dict[str, Any] = json.loads(str(arrays["known"]))
-        dataset = xr.Dataset(
-            {
-                "drive_force": (("drive", "time"), arrays["drive_force"]),
-                "drive_current": (("drive", "time"), arrays["drive_current"]),
-                "object_force": ("time", arrays["object_force"]),
-            },
-            {"time": arrays["time"], "drive": arrays["drive"]},
-        )
-    except (OSError, ValueError, KeyError):
-        return None
-    throw = _throw(
-        onset=known["onset"],
-        end=known["end"],
-        direction=case.direction,
-        count=dataset.sizes["time"],
-    )
-    piece = RecordedThrow(dataset, throw, "", ())
-    return SeriesPart(piece, known["slipped"], known["overrides"], known["failure"])
+
+    def made(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> SeriesPart:
+        described, *known = (about[n] for n in ("piece", "slipped", "overrides", "failure"))
+        piece = None if described is None else piece_of_arrays(arrays, described)
+        return SeriesPart(piece, *known)
+
+    return read_arrays(_part_path(folder, case), case.name, made)
+
+
+def _write_part(folder: Path, case: Case, part: SeriesPart) -> None:
+    """Keep the result of a throw."""
+    arrays, described = ({}, None) if part.piece is None else piece_arrays(part.piece)
+    known = {"slipped": part.slipped, "overrides": dict(part.overrides), "failure": part.failure}
+    write_arrays(_part_path(folder, case), case.name, arrays, {"piece": described, **known})
 
 
 def _without_idle_cell(true: xr.Dataset, case: Case) -> xr.Dataset:
@@ -228,46 +225,9 @@ def _true_piece(true: xr.Dataset, case: Case) -> RecordedThrow:
     time = true["time"].values
     offs = [running_time(time, row)[1] for row in true["drive_current"].values]
     onset, end = float(true.attrs["onset"]), float(np.nanmax(offs))
-    kept = true.sel(time=slice(onset - KEPT_AROUND, end + KEPT_AROUND)).drop_attrs()
-    throw = _throw(onset=onset, end=end, direction=case.direction, count=kept.sizes["time"])
-    return RecordedThrow(kept, throw, "", ())
-
-
-def _throw(*, onset: float, end: float, direction: str, count: int) -> FoundThrow:
-    return FoundThrow(0, count, onset, end, (), "simulation", direction)
-
-
-def _empty_part() -> RecordedThrow:
-    empty = np.zeros((0, 2))
-    dataset = xr.Dataset(
-        {
-            "drive_force": (("drive", "time"), empty),
-            "drive_current": (("drive", "time"), empty),
-            "object_force": ("time", np.zeros(2)),
-        },
-        {"time": [0.0, 1.0], "drive": np.array([], dtype=np.str_)},
-    )
-    return RecordedThrow(dataset, _throw(onset=0.0, end=0.0, direction="unknown", count=2), "", ())
-
-
-def _packed(part: SeriesPart, name: str) -> bytes:
-    known = {
-        "slipped": part.slipped,
-        "overrides": dict(part.overrides),
-        "failure": part.failure,
-        "onset": part.piece.throw.onset,
-        "end": part.piece.throw.end,
-    }
-    dataset = part.piece.dataset
-    arrays = {
-        "time": dataset["time"].values,
-        "drive": dataset["drive"].values.astype(np.str_),
-        "drive_force": dataset["drive_force"].values,
-        "drive_current": dataset["drive_current"].values,
-        "object_force": dataset["object_force"].values,
-        "known": np.array(json.dumps(known)),
-    }
-    return arrays_to_bytes(arrays, name)
+    kept = true[[*KEPT]].sel(time=slice(onset - KEPT_AROUND, end + KEPT_AROUND)).drop_attrs()
+    count, by = kept.sizes["time"], "simulation"
+    return RecordedThrow(kept, FoundThrow(0, count, onset, end, (), by, case.direction), "", ())
 
 
 def _part_path(folder: Path, case: Case) -> Path:
