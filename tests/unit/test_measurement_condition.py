@@ -8,9 +8,6 @@ from turnout.core.moving_average import moving_average, window_samples
 from turnout.measurement.chain.apply import apply_chain, load_channel_map
 from turnout.measurement.chain.condition import (
     condition,
-    lowpass,
-    median,
-    remove_drift,
     tare,
 )
 from turnout.measurement.recording import RecordedChannel, Recording
@@ -63,8 +60,6 @@ def test_holes_shorter_than_the_window_are_bridged() -> None:
     smooth = moving_average(values, rate=RATE)
     assert np.flatnonzero(np.isnan(smooth)).tolist() == list(range(650, 750))
     np.testing.assert_allclose(smooth[np.isfinite(smooth)], 5.0, rtol=1e-15)
-    smooth = median(values, rate=RATE, window=0.1)
-    assert np.flatnonzero(np.isnan(smooth)).tolist() == list(range(650, 750))
 
 
 def test_a_long_recording_keeps_its_digits() -> None:
@@ -73,52 +68,12 @@ def test_a_long_recording_keeps_its_digits() -> None:
     assert smooth[-51] == pytest.approx(values[-101:].mean(), abs=1e-6)
 
 
-def test_a_median_takes_out_spikes_and_keeps_steps() -> None:
-    values = np.repeat([0.0, 1.0], 500)
-    values[[100, 101, 700]] = 99.0
-    np.testing.assert_array_equal(
-        median(values, rate=RATE, window=0.02), np.repeat([0.0, 1.0], 500)
-    )
-
-
-def test_butterworth_halves_the_cut_off_and_does_not_shift() -> None:
-    time = np.arange(4000) / RATE
-    for frequency, kept in ((2.0, 1.0), (20.0, 0.5)):
-        wave = np.sin(2 * np.pi * frequency * time)
-        smooth = lowpass(wave, rate=RATE, cutoff=20.0)[1000:3000]
-        amplitude = 2 * np.mean(smooth * wave[1000:3000])
-        quadrature = 2 * np.mean(smooth * np.cos(2 * np.pi * frequency * time)[1000:3000])
-        assert amplitude == pytest.approx(kept, abs=1e-3)
-        assert quadrature == pytest.approx(0.0, abs=1e-3)
-
-
-def test_butterworth_leaves_holes_where_they_were() -> None:
-    values = np.arange(2000.0)
-    values[500:520] = np.nan
-    smooth = lowpass(values, rate=RATE, cutoff=20.0)
-    assert np.flatnonzero(np.isnan(smooth)).tolist() == list(range(500, 520))
-    np.testing.assert_allclose(smooth[530:1700], values[530:1700], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("size", "cutoff", "words"), [(500, 500.0, "half the rate"), (5, 20.0, "5 samples are too few")]
-)
-def test_butterworth_that_cannot_be(size: int, cutoff: float, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        lowpass(np.zeros(size), rate=RATE, cutoff=cutoff)
-
-
-def test_drift_and_tare() -> None:
+def test_tare() -> None:
     time = np.arange(1000) / RATE
     pulse = np.where((time > 0.4) & (time < 0.6), 3.0, 0.0)
-    drifting = np.stack((pulse + 2 - 5 * time, 2 * pulse))
-    clean = remove_drift(drifting, rate=RATE, before=(0.0, 0.2), after=(0.8, 0.999))
-    np.testing.assert_allclose(clean, np.stack((pulse, 2 * pulse)), atol=1e-12)
     np.testing.assert_allclose(tare(pulse + 7, rate=RATE, start=0.0, end=0.1), pulse, atol=1e-12)
     with pytest.raises(ValueError, match="no samples from 5 to 6 s"):
         tare(pulse, rate=RATE, start=5.0, end=6.0)
-    with pytest.raises(ValueError, match="must be later"):
-        remove_drift(drifting, rate=RATE, before=(0.8, 0.9), after=(0.0, 0.1))
 
 
 def test_raw_and_filtered_both_stay() -> None:
@@ -133,10 +88,10 @@ def test_raw_and_filtered_both_stay() -> None:
     np.testing.assert_allclose(
         once["drive_force"][1], moving_average(dataset["drive_force"].values[1], rate=RATE)
     )
-    assert once.attrs["filter"] == "moving_average"
+    assert once.attrs["filter"] == "moving_average (window 0.1)"
     assert np.isnan(once["object_force"].values).all()
-    other = condition(once, smooth=lowpass, cutoff=20.0)
+    other = condition(once, window=0.2)
     np.testing.assert_allclose(
-        other["drive_current"], lowpass(dataset["drive_current"].values, rate=RATE, cutoff=20.0)
+        other["drive_current"],
+        moving_average(dataset["drive_current"].values, rate=RATE, window=0.2),
     )
-    assert other.attrs["filter"] == "lowpass (cutoff 20)"

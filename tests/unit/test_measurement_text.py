@@ -223,3 +223,38 @@ def test_blanks_within_cells_part_no_columns(tmp_path: Path, separator: str) -> 
     rows = [("Time", "I A"), *((f"28.11.2026 08:14:{n:02d},500", "2,5") for n in range(20))]
     text = "".join(separator.join(row) + "\n" for row in rows)
     assert list(read_recording(written(tmp_path, text)).channels) == ["I A"]
+
+
+@pytest.mark.parametrize("mark", ["# ", "! ", "// ", "%"])
+def test_marks_of_comments_are_no_names(tmp_path: Path, mark: str) -> None:
+    for comma in (",", " "):
+        rows = "".join(f"{n * 0.04:.2f}{comma}{n * n % 7}\n" for n in range(20))
+        head = f"{mark}Sample interval: 40 ms\n{mark}time{comma}force\n"
+        recording = read_recording(written(tmp_path, head + rows))
+        assert list(recording.channels) == ["force"]
+        assert recording.problems == ()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Intervalle d'échantillonnage : 40 ms",
+        "Intervalo de muestreo: 40 ms",
+        "Intervallo di campionamento: 40 ms",
+        "Bemonsteringsinterval: 40 ms",
+        "Okres próbkowania: 40 ms",
+    ],
+)
+def test_intervals_in_other_languages(tmp_path: Path, line: str) -> None:
+    text = f"{line}\nF;I\n" + "1,5;2,5\n2,5;3,5\n" * 9
+    assert read_recording(written(tmp_path, text)).channel("F").rate == 25.0
+
+
+def test_numbered_statements_and_repeated_numbers_are_no_names(tmp_path: Path) -> None:
+    rows = "1.5,2.5\n2.5,3.5\n" * 9
+    text = f"[Header]\nSampleRate=25\n[Channels]\n1=Force,kN\n2=Current,A\n[Data]\n{rows}"
+    assert list(read_recording(written(tmp_path, text)).channels) == ["column 1", "column 2"]
+    rows = "".join(f"{n};1,5;2,5\n" for n in range(9))
+    text = f"Channel;Force;Current\nSample rate [Hz];25;25\nOffset;0;0\n{rows}"
+    with pytest.raises(FileError, match="line 3: 'Offset' is not a number, in a row of numbers"):
+        read_recording(written(tmp_path, text))

@@ -18,7 +18,6 @@ from turnout.core.errors import ListedError, MeasurementError, TurnoutError
 from turnout.core.moving_average import moving_average
 from turnout.core.provenance import provenance
 from turnout.measurement.campaign.campaign_folder import STORE, refuse_links_outside, refuse_outside
-from turnout.measurement.campaign.find_throws import Detection
 from turnout.measurement.campaign.motion_signals import force_changes
 from turnout.measurement.campaign.recorded_throw import RecordedThrow, recorded_throws
 from turnout.measurement.campaign.run_sheet import RunSheet, SheetRow, find_sheet, read_sheet
@@ -41,7 +40,7 @@ from turnout.measurement.chain.apply import (
 )
 from turnout.measurement.chain.channel_map import ChannelMap, drives_together
 from turnout.measurement.chain.recorder import stated_recorder
-from turnout.measurement.quality.channel_faults import MEASURED, Limits
+from turnout.measurement.quality.channel_faults import MEASURED
 from turnout.measurement.quality.throw_faults import (
     Expected,
     ForceProfile,
@@ -183,8 +182,6 @@ def build_campaign_dataset(
     channels: Path | str | None = None,
     strict: bool = False,
     allow_outside: bool = False,
-    detection: Detection | None = None,
-    limits: Limits | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> BuiltCampaign:
     """Read a campaign: cut, judge and filter each movement, and stack the usable ones.
@@ -202,10 +199,6 @@ def build_campaign_dataset(
         Whether a movement that must be excluded is an error.
     allow_outside : bool
         Whether files of the campaign may lie outside its folder.
-    detection : Detection, optional
-        Criteria of a throw.
-    limits : Limits, optional
-        From what size on something is a fault.
     report : callable, optional
         Called with movements done and movements in all.
 
@@ -230,15 +223,11 @@ def build_campaign_dataset(
     sheet = read_sheet(sheet_file, allow_outside=allow_outside)
     check_files(sheet, folder, allow_outside=allow_outside)
     channel_map = load_channel_map(channels if channels is not None else folder / CHANNEL_FILE)
+    report = report or (lambda done, total: None)
     pieces, reused = _pieces(
-        folder,
-        sheet.runs,
-        channel_map,
-        allow_outside=allow_outside,
-        detection=detection,
-        report=report,
+        folder, sheet.runs, channel_map, allow_outside=allow_outside, report=report
     )
-    usable, excluded = _judged(sheet.runs, pieces, channel_map, limits=limits)
+    usable, excluded = _judged(sheet.runs, pieces, channel_map)
     if strict and excluded:
         problems = [
             f"{item.run.where}: {item.run.name}: {'; '.join(item.reasons)}" for item in excluded
@@ -264,8 +253,7 @@ def _pieces(
     channel_map: ChannelMap,
     *,
     allow_outside: bool,
-    detection: Detection | None,
-    report: Callable[[int, int], None] | None,
+    report: Callable[[int, int], None],
 ) -> tuple[list[RecordedThrow | TurnoutError], int]:
     """Return the movement of each run, and the number cut before; a file is read once."""
     members: dict[str, list[int]] = {}
@@ -273,16 +261,10 @@ def _pieces(
         members.setdefault(run.file, []).append(number)
     pieces: dict[int, RecordedThrow | TurnoutError] = {}
     reused = 0
-    report = report or (lambda done, total: None)
     report(0, len(runs))
     for numbers in members.values():
-        found = recorded_throws(
-            folder,
-            [runs[number] for number in numbers],
-            channel_map,
-            allow_outside=allow_outside,
-            detection=detection,
-        )
+        own = [runs[number] for number in numbers]
+        found = recorded_throws(folder, own, channel_map, allow_outside=allow_outside)
         for number, (piece, known) in zip(numbers, found, strict=True):
             pieces[number] = piece
             reused += known
@@ -294,8 +276,6 @@ def _judged(
     runs: Sequence[SheetRow],
     pieces: Sequence[RecordedThrow | TurnoutError],
     channel_map: ChannelMap,
-    *,
-    limits: Limits | None,
 ) -> tuple[list[Usable], list[Excluded]]:
     """Judge each movement against the rest of the campaign."""
     good = [
@@ -333,7 +313,7 @@ def _judged(
             profile=typical.get(run.direction),
             open_level=usual_levels.get((run.direction, cut.dataset.sizes["drive"])),
         )
-        found = judge_recording(cut.dataset, cut.throw, expected=expected, limits=limits)
+        found = judge_recording(cut.dataset, cut.throw, expected=expected)
         kept, quality = without_dead_rods(cut, found)
         if quality.usable:
             usable.append((run, kept, quality))

@@ -67,7 +67,6 @@ def recorded_throws(
     channel_map: ChannelMap,
     *,
     allow_outside: bool = False,
-    detection: Detection | None = None,
 ) -> Iterator[tuple[RecordedThrow | TurnoutError, bool]]:
     """Yield the movements of one recording, from the store of the campaign or cut and stored.
 
@@ -85,8 +84,6 @@ def recorded_throws(
         From columns to forces and currents.
     allow_outside : bool
         Whether a recording may take samples from other files.
-    detection : Detection, optional
-        Criteria of a throw.
 
     Yields
     ------
@@ -108,7 +105,7 @@ def recorded_throws(
     shared = {
         "file": digest,
         "map": map_hash(channel_map),
-        "detection": asdict(detection or Detection()),
+        "detection": asdict(Detection()),
         "version": f"{version()} {STORED_VERSION}",
     }
     found: dict[str, _Found | TurnoutError] = {}
@@ -128,7 +125,7 @@ def recorded_throws(
         try:
             if run.throw not in found:
                 one = held.get(run.throw) or read_recording(path, allow_outside=allow_outside)
-                found[run.throw] = _found(path, one, channel_map, detection)
+                found[run.throw] = _found(path, one, channel_map)
             cut = _cut(found[run.throw], run.movement, path)
         except TurnoutError as error:
             found.setdefault(run.throw, error)
@@ -149,7 +146,6 @@ def _found(
     path: Path,
     one: Recording | FileError,
     channel_map: ChannelMap,
-    detection: Detection | None,
 ) -> _Found:
     """Find the movements of a recording."""
     if isinstance(one, FileError):
@@ -158,7 +154,7 @@ def _found(
     if not {"drive_force", "drive_current", "drive_power"} & set(dataset):
         message = "the channel map has no drive_force, drive_current or drive_power"
         raise MeasurementError([message], source=str(path))
-    return dataset, find_throws(dataset, detection=detection)
+    return dataset, find_throws(dataset)
 
 
 def _cut(found: _Found | TurnoutError, movement: int, path: Path) -> RecordedThrow:

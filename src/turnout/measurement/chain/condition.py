@@ -1,23 +1,17 @@
-"""Condition sampled values: smooth without a time shift, resample, take off zero and drift.
+"""Condition sampled values: average without a time shift, resample, take off the zero.
 
-Functions of values work along the last axis. NaN is a missing sample: averages and medians are
-over what there is, so that a hole shorter than the window is bridged and a longer one stays.
+NaN is a missing sample: averages are over what there is, so that a hole shorter than the window is
+bridged and a longer one stays.
 """
 
-from collections.abc import Callable
-
 import numpy as np
-import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from turnout.core.channels import label
-from turnout.core.moving_average import moving_average, window_samples
-from turnout.measurement.campaign.motion_signals import bridge_gaps
+from turnout.core.moving_average import moving_average
 from turnout.measurement.recording import RecordedChannel
 
-ORDER = 4
 FILTERED = ("drive_force", "drive_current", "drive_power", "object_force")
 # Two times are the same when they differ by less than this part of a step.
 SAME_STEP = 1e-3
@@ -25,67 +19,6 @@ SAME_STEP = 1e-3
 MOST_GROWTH_OF_RATE = 10
 
 Values = NDArray[np.float64]
-
-
-def median(values: Values, *, rate: float, window: float) -> Values:
-    """Return the centred running median, which takes out single spikes; edges as the average's.
-
-    Examples
-    --------
-    >>> median(np.array([1.0, 9.0, 1.0, 2.0]), rate=10.0, window=0.2)
-    array([5. , 1. , 2. , 1.5])
-    """
-    width = window_samples(window, rate=rate)
-    rows = values.reshape(-1, values.shape[-1])
-    done = [
-        pd.Series(row).rolling(width, center=True, min_periods=1).median().to_numpy()
-        for row in rows
-    ]
-    return np.asarray(done, dtype=np.float64).reshape(values.shape)
-
-
-def lowpass(values: Values, *, rate: float, cutoff: float, order: int = ORDER) -> Values:
-    """Return values without frequencies above a cut-off: Butterworth, forwards and backwards.
-
-    Twice through the filter, there is no time shift, and at the cut-off half the amplitude is left.
-    At the ends the values are continued by their point reflection.
-
-    Parameters
-    ----------
-    values : ndarray, shape (..., n)
-        Samples; the filter runs over a straight line where one is missing, and leaves it missing.
-    rate : float
-        Samples a second [1/s].
-    cutoff : float
-        Frequency [Hz], below half the rate.
-    order : int
-        Of one pass.
-
-    Raises
-    ------
-    ValueError
-        When the cut-off is not between 0 and half the rate, or there are too few samples.
-
-    Examples
-    --------
-    >>> time = np.arange(1000) / 1000
-    >>> slow = np.sin(2 * np.pi * 2 * time)
-    >>> hum = lowpass(slow + np.sin(2 * np.pi * 50 * time), rate=1000.0, cutoff=10.0) - slow
-    >>> bool(np.abs(hum[100:-100]).max() < 0.02)
-    True
-    """
-    if not 0 < cutoff < 0.5 * rate:
-        message = f"a cut-off of {cutoff:g} Hz must be between 0 and half the rate of {rate:g} Hz"
-        raise ValueError(message)
-    sections = butter(order, cutoff, fs=rate, output="sos")
-    least = 3 * (2 * len(sections) + 1) + 1
-    if values.shape[-1] < least:
-        message = f"{values.shape[-1]} samples are too few for this filter; it needs {least}"
-        raise ValueError(message)
-    bridged = bridge_gaps(values)
-    smooth = np.asarray(sosfiltfilt(sections, bridged, axis=-1), dtype=np.float64)
-    smooth[~np.isfinite(values)] = np.nan
-    return smooth
 
 
 def tare(values: Values, *, rate: float, start: float, end: float) -> Values:
@@ -101,58 +34,25 @@ def tare(values: Values, *, rate: float, start: float, end: float) -> Values:
     >>> tare(np.array([1.0, 1.0, 5.0]), rate=10.0, start=0.0, end=0.1)
     array([0., 0., 4.])
     """
-    mean, _ = _rest(values, rate, start, end)
-    return values - mean[..., None]
-
-
-def remove_drift(
-    values: Values, *, rate: float, before: tuple[float, float], after: tuple[float, float]
-) -> Values:
-    """Return values less the straight line through their means in two rests.
-
-    Parameters
-    ----------
-    values : ndarray, shape (..., n)
-        Samples along the last axis, in any unit.
-    rate : float
-        Samples a second [1/s].
-    before, after : tuple of float
-        Start and end of a rest before and one after [s]; the same load acts in both.
-
-    Raises
-    ------
-    ValueError
-        When there are no samples in a rest, or the two are the same.
-
-    Examples
-    --------
-    >>> drifting = np.array([1.0, 2.0, 3.0, 9.0, 5.0, 6.0])
-    >>> remove_drift(drifting, rate=10.0, before=(0.0, 0.1), after=(0.4, 0.5))
-    array([0., 0., 0., 5., 0., 0.])
-    """
-    first, first_time = _rest(values, rate, *before)
-    last, last_time = _rest(values, rate, *after)
-    if last_time <= first_time:
-        message = "the rest after must be later than the rest before"
+    count = values.shape[-1]
+    first, last = max(round(start * rate), 0), min(round(end * rate) + 1, count)
+    part = values[..., first:last]
+    if first >= last or not np.isfinite(part).any(axis=-1).all():
+        covered = f"from 0 to {(count - 1) / rate:g} s"
+        message = f"there are no samples from {start:g} to {end:g} s; there are {covered}"
         raise ValueError(message)
-    time = np.arange(values.shape[-1]) / rate
-    slope = (last - first) / (last_time - first_time)
-    return values - (first[..., None] + slope[..., None] * (time - first_time))
+    return np.asarray(values - np.nanmean(part, axis=-1, keepdims=True))
 
 
-def condition(
-    dataset: xr.Dataset, *, smooth: Callable[..., Values] = moving_average, **options: float
-) -> xr.Dataset:
-    """Return a dataset with smoothed channels and the unfiltered ones beside them.
+def condition(dataset: xr.Dataset, *, window: float = 0.1) -> xr.Dataset:
+    """Return a dataset with averaged channels and the unfiltered ones beside them.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         With forces and currents over an even ``time``.
-    smooth : callable
-        `moving_average`, `median` or `lowpass`.
-    **options : float
-        What it takes besides the rate: ``window`` [s] or ``cutoff`` [Hz].
+    window : float
+        Of the centred moving average [s].
 
     Returns
     -------
@@ -177,11 +77,10 @@ def condition(
         raw = dataset[kept] if kept in dataset else dataset[name]
         axis = raw.get_axis_num("time")
         values = np.moveaxis(raw.values, axis, -1)
-        smoothed = np.moveaxis(smooth(values, rate=rate, **options), -1, axis)
+        smoothed = np.moveaxis(moving_average(values, rate=rate, window=window), -1, axis)
         conditioned[kept] = raw.copy()
         conditioned[name] = raw.copy(data=smoothed)
-    given = ", ".join(f"{name} {value:g}" for name, value in options.items())
-    conditioned.attrs["filter"] = f"{smooth.__name__}{f' ({given})' if given else ''}"
+    conditioned.attrs["filter"] = f"moving_average (window {window:g})"
     return label(conditioned)
 
 
@@ -243,15 +142,3 @@ def resample(channel: RecordedChannel, values: Values, *, time: Values) -> Value
     if step * channel.rate > 1.5:
         values = moving_average(values, rate=channel.rate, window=step)
     return np.interp(time, channel.time, values)
-
-
-def _rest(values: Values, rate: float, start: float, end: float) -> tuple[Values, float]:
-    """Return the mean in a rest and the time of its middle."""
-    count = values.shape[-1]
-    first, last = max(round(start * rate), 0), min(round(end * rate) + 1, count)
-    part = values[..., first:last]
-    if first >= last or not np.isfinite(part).any(axis=-1).all():
-        covered = f"from 0 to {(count - 1) / rate:g} s"
-        message = f"there are no samples from {start:g} to {end:g} s; there are {covered}"
-        raise ValueError(message)
-    return np.asarray(np.nanmean(part, axis=-1)), 0.5 * (first + last - 1) / rate

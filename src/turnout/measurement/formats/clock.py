@@ -59,7 +59,8 @@ _STEP = re.compile(
     r"(?:interval|period|increment|incr|inc|step|resolution|spacing)|interval|increment|"
     r"intervall|dt|delta[tx]|δt|ts|tsamp(?:le)?|sample?time|samplingtime|timeper(?:sample|point)|"
     r"abtastintervall|abtastzeit|abtastperiode|messintervall|zeitschritt|zeitintervall|"
-    rf"zeitinkrement|samplingsintervall|采样间隔|采样周期){_SUFFIX}"
+    r"zeitinkrement|samplingsintervall|intervalledechantillonnage|intervalodemuestreo|"
+    rf"intervallodicampionamento|bemonsteringsinterval|okresprobkowania|采样间隔|采样周期){_SUFFIX}"
 )
 # Without a unit a data rate may be one of bits.
 _EITHER = re.compile(
@@ -164,7 +165,7 @@ _STATED = re.compile(
 
 def squeezed(text: str) -> str:
     """Return a name without case, blanks, underscores and quotes: "Sample_Rate" -> "samplerate"."""
-    return re.sub(r"[\s_.'\"()\[\]:]+", "", text.strip().lstrip("#% ")).lower().strip("=")
+    return re.sub(r"[\s_.'\"()\[\]:]+", "", text.strip().lstrip("#%!/ ")).lower().strip("=")
 
 
 def is_time_name(name: str) -> bool:

@@ -67,6 +67,7 @@ SHORT, LONG = "\0", "\1"
 _SPOKEN = re.compile(r"\W*([^\W\d][^\d]*?)\s+([+\-]?[\d.,]+\s?[^\W\d]\S*)")
 """A statement without a separator: "Abtastrate 25 Hz"."""
 _LABEL_ALONE = re.compile(r"[^:=]*[:=]\s*(?:[,;\t]|\Z)")
+_NUMBERED_LABEL = re.compile(r"\d+ ?= ?[^\W\d]")
 _NEXT_LABEL = re.compile(r"[;,]\s+(?=[^\W\d][^:=]*[:=])")
 _LABELLED = re.compile(r'\s*["#%]*\s*([^:=\t;,"]{2,60}?)\s*["]?\s*[:=]\s*(.*\S)\s*')
 
@@ -255,7 +256,7 @@ def _heading(
         if whole and not cells[0] and _labelled(cells[1:] or [""], width, found, decimal):
             continue
         factors = cells[:1] == [""] and (whole or _are_numbers([cell for cell in cells if cell]))
-        if len(cells) > 1 and not cells[0].strip("#%/ ") and not factors:
+        if len(cells) > 1 and not cells[0].strip("#%!/ ") and not factors:
             cells = cells[1:]  # the mark of a comment
             whole = len(cells) == width
         while cells and not cells[-1]:
@@ -268,13 +269,13 @@ def _heading(
         words = not (named and whole and width > 1 and _are_numbers(cells[1:]))
         if words and _labelled(cells, width, found, decimal, beside=not first_empty) or left_out:
             continue
-        if len(cells) < 3 and _LABEL_ALONE.match(cells[0]):
+        if _NUMBERED_LABEL.match(cells[0]) or (len(cells) < 3 and _LABEL_ALONE.match(cells[0])):
             continue
         if first_empty and cells[0] and not (whole and number == len(rows) - 1):
             continue
         unit_alone = whole and len(cells) == 1 and is_time_unit(tidy_unit(cells[0]))
         if unit_alone or max(width - 1, 2 if width > 1 else 1) <= len(cells) <= width + 1:
-            cells[0] = cells[0].lstrip("#% ")
+            cells[0] = re.sub(r"\A(?:[#%!]|//)+ *", "", cells[0])
             if len(cells) == width - 1 and last_filled and not whole:
                 cells = ["" if unnamed_first else SHORT, *cells]
             cells[0] = f"{LONG * (len(cells) > width)}{cells[0]}"
@@ -385,7 +386,8 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
 def _refuse_numbers(line: int, cells: list[str], decimal: str | None, *, below: bool) -> None:
     """Refuse a row that seems to be one of numbers with something unreadable before them."""
     filled = [cell for cell in cells if cell]
-    values = [c for c in filled if is_number(c, decimal or ".") and (below or not c.isdigit())]
+    no_names = below or len({*filled}) < len(filled)  # which may be digits
+    values = [c for c in filled if is_number(c, decimal or ".") and (no_names or not c.isdigit())]
     if 2 * len(values) >= len(filled) > 0:
         wrong = next((cell for cell in filled if cell not in values), "")
         message = (
