@@ -1,4 +1,4 @@
-"""Moving average of measurements and features, as `turnout.kernels.force_features` makes it too."""
+"""Moving average of measurements and features, as `turnout.metric.force_features` makes it too."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -10,7 +10,10 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-KERNELS = ("kernels", "law", "solver", "machine/compute")
+KERNELS = (
+    *("kernels", "law", "solver", "machine/compute", "metric/force_features.py"),
+    *("throw/gap_history.py", "throw/row_sums.py"),
+)
 """Sources that are compiled into kernels."""
 
 RAILS = ("beam", "mechanism")

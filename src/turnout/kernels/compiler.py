@@ -23,9 +23,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-import turnout.kernels.inverse_code
 import turnout.kernels.lane_code
-import turnout.kernels.memory_code  # noqa: F401 - it registers what kernels call
+import turnout.kernels.native_code  # noqa: F401 - they register what kernels call
 from turnout.core.files import write_atomic
 from turnout.kernels.arguments import ARRAY, LOGICAL, NOTHING, NUMBER, TUPLE, WHOLE, Kind
 from turnout.kernels.intrinsic import array_value

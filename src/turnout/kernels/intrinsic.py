@@ -11,14 +11,15 @@ from numba.extending import lower_builtin, type_callable
 Build = Callable[[Any, Any, tuple[Any, ...]], Any]
 
 
-def register_intrinsic(
+def intrinsic_code(
     function: Callable[..., Any],
     result: types.Type,
-    build: Build,
     *wanted: Callable[[Any], Any],
     lowered: Sequence[Any] = (types.VarArg(types.Any),),
-) -> None:
-    """Register a function as an intrinsic: kernels inline the LLVM code that `build` emits.
+) -> Callable[[Build], Build]:
+    """Register the code of a function that kernels inline: that which the decorated one emits.
+
+    It is called with context, builder and values, arrays among them as structures of Numba.
 
     Parameters
     ----------
@@ -26,8 +27,6 @@ def register_intrinsic(
         What kernels call; in Python it does the same.
     result : type of Numba
         What it returns.
-    build : callable
-        Called with context, builder and values, arrays among them as structures of Numba.
     *wanted : callable
         The type that each argument is cast to, from its own; None where it does not fit.
     lowered : sequence of types of Numba
@@ -38,20 +37,23 @@ def register_intrinsic(
         kinds = [kind(arg) for kind, arg in zip(wanted, args, strict=True)]
         return None if None in kinds else result(*kinds)
 
-    typer.pysig = inspect.signature(function)  # type: ignore[attr-defined]
-    type_callable(function)(lambda _context: typer)
+    def register(build: Build) -> Build:
+        def lower(context: Any, builder: Any, sig: Any, args: tuple[Any, ...]) -> Any:
+            given = tuple(
+                context.make_array(kind)(context, builder, arg)
+                if isinstance(kind, types.Array)
+                else arg
+                for kind, arg in zip(sig.args, args, strict=True)
+            )
+            found = build(context, builder, given)
+            return context.get_dummy_value() if result is types.none else found
 
-    def lower(context: Any, builder: Any, sig: Any, args: tuple[Any, ...]) -> Any:
-        given = tuple(
-            context.make_array(kind)(context, builder, arg)
-            if isinstance(kind, types.Array)
-            else arg
-            for kind, arg in zip(sig.args, args, strict=True)
-        )
-        found = build(context, builder, given)
-        return context.get_dummy_value() if result is types.none else found
+        typer.pysig = inspect.signature(function)  # type: ignore[attr-defined]
+        type_callable(function)(lambda _context: typer)
+        lower_builtin(function, *lowered)(lower)
+        return build
 
-    lower_builtin(function, *lowered)(lower)
+    return register
 
 
 def array_value(

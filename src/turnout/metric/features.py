@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from turnout.core.errors import ResponseError
 from turnout.core.moving_average import WINDOW, whole_count, window_samples
 from turnout.core.running_current import running_time
-from turnout.kernels.force_features import COUNT, FEWEST, SCRATCH_ROWS, measure_movements
+from turnout.metric.force_features import COUNT, FEWEST, SCRATCH_ROWS, measure_movements
 from turnout.solver.record import TIME_TOLERANCE
 from turnout.throw.slip import Span, movements
 

@@ -37,8 +37,12 @@ Columns of active ends are rows of `State.columns`; each block has its own range
 import numpy as np
 
 from turnout.kernels.compiled import compiled
-from turnout.kernels.inverse import factorise_in_place, invert_factors
-from turnout.kernels.memory import acquire_matrix, release_matrix
+from turnout.kernels.native import (
+    acquire_matrix,
+    factorise_in_place,
+    invert_factors,
+    release_matrix,
+)
 from turnout.kernels.vector import (
     add_multiple,
     add_weighted_rows,

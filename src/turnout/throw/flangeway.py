@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.lru_cache import SharedResults
-from turnout.kernels.gap_history import DistanceColumns, lessen_distances
 from turnout.kernels.lanes import empty_in_lines, whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import shared_record
 from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.solver.condense import BlockModel, CondensedRails
+from turnout.throw.gap_history import DistanceColumns, lessen_distances
 from turnout.throw.gaps import bodies_at_gap, gap_rows
 from turnout.throw.recovery import Motion, Parts, block_of, multiply_by_block
 from turnout.throw.route import DirectedMovement, open_rail

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from turnout.core.lru_cache import SharedResults
 from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
-from turnout.kernels.row_sums import LINE, TILE, RowSums, write_row_sums
 from turnout.kernels.shared_record import address_of, shared_record
 from turnout.solver.state import lines_from_buffer
+from turnout.throw.row_sums import LINE, TILE, RowSums, write_row_sums
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,4 +1,7 @@
-"""Open distances at many points at some instants, from modes and the forces on rows."""
+"""Open distances at many points at some instants, from modes and the forces on rows.
+
+Stands alone: kernels are compiled anew where one of their files changes.
+"""
 
 from typing import NamedTuple
 

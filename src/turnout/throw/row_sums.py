@@ -2,6 +2,8 @@
 
 Columns are turned, eight neighbours over some instants at a time, into lines that stay in the
 processor's caches; rows are sums of such lines, so that histories are read and rows written once.
+
+Stands alone: kernels are compiled anew where one of their files changes.
 """
 
 from typing import NamedTuple
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 
 from turnout.kernels.compiled import compiled
 from turnout.kernels.lanes import LANES, broadcast, load, multiply_add, store_nontemporal, turn
-from turnout.kernels.memory import vector_at
+from turnout.kernels.native import vector_at
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
