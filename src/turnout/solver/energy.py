@@ -13,8 +13,10 @@ and, where a law changes its segment within a step, the work absorbed less the c
 of the laws, and potential energy in the field of gravity.
 """
 
-import math
+import functools
 from itertools import pairwise
+
+import numpy as np
 
 from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
@@ -37,15 +39,10 @@ LEDGER = 7
 KINETIC, STRAIN, CONTACT, GRAVITY = range(4)
 STORED = GRAVITY + 1
 """Columns of the stored energies [J], and their number."""
-NUMERICAL, RESIDUAL = STORED + LEDGER, STORED + LEDGER + 1
-"""Rows of `write_energies` after those of the stored energies and the ledger."""
-ENERGY_ROW_COUNT = RESIDUAL + 1
-"""Their number."""
 
 
-@compiled
-def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
-    """Return the energy residual of a run, and its scale [J].
+def unaccounted_energy(stored: Floats, ledger: Floats) -> tuple[Floats, Floats]:
+    """Return changes of stored energy, and these less what was put in and not taken out [J].
 
     Parameters
     ----------
@@ -54,63 +51,35 @@ def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
 
     Returns
     -------
+    tuple of ndarray, shape (n,)
+        Of all stored energies since the first instant.
+    """
+    change = functools.reduce(np.add, (stored - stored[:1]).T)
+    gained = ledger[:, MARKERS] + ledger[:, SWITCHED]
+    lost = ledger[:, FRICTION] + ledger[:, DAMPING]
+    lost = lost + (ledger[:, ALGORITHMIC] + ledger[:, SEGMENTS] + ledger[:, OBJECTS])
+    return change, change - gained + lost
+
+
+def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
+    """Return the energy residual of a run, and its scale [J].
+
+    Parameters
+    ----------
+    stored, ledger : ndarray
+        As of `unaccounted_energy`.
+
+    Returns
+    -------
     tuple of float
         Largest residual of all instants, NaN if one is; largest sum of the work of the markers and
         the change of stored energy, both without their signs.
     """
-    residual, scale = 0.0, 0.0
-    for n in range(stored.shape[0]):
-        change = 0.0
-        for column in range(stored.shape[1]):
-            change += stored[n, column] - stored[0, column]
-        error = abs(unaccounted_energy(ledger, n, change))
-        if math.isnan(error):
-            return error, scale
-        residual = max(residual, error)
-        scale = max(scale, abs(ledger[n, MARKERS]) + abs(change))
-    return residual, scale
-
-
-@compiled
-def unaccounted_energy(ledger: Floats, n: int, change: float) -> float:
-    """Return the change of stored energy less what was put in and not taken out [J]."""
-    gained = ledger[n, MARKERS] + ledger[n, SWITCHED]
-    lost = ledger[n, FRICTION] + ledger[n, DAMPING]
-    lost += ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS] + ledger[n, OBJECTS]
-    remainder: float = change - gained + lost
-    return remainder
-
-
-@compiled
-def write_energies(stored: Floats, ledger: Floats, rows: Floats) -> None:
-    """Write the change of each stored energy since the first instant, the ledger, and the residual.
-
-    Parameters
-    ----------
-    stored, ledger : ndarray, shape (n_times, 4), (n_times, 7)
-        Columns of `turnout.solver.energy` [J].
-    rows : ndarray, shape (13, n_times)
-        In the order of these columns, then the numerical dissipation, and last the stored change
-        less what was put in and not taken out [J].
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> rows = np.empty((ENERGY_ROW_COUNT, 2))
-    >>> write_energies.py_func(np.arange(8.0).reshape(2, 4), np.ones((2, 7)), rows)
-    >>> rows[:, 1].tolist()
-    [4.0, 4.0, 4.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 19.0]
-    """
-    for n in range(stored.shape[0]):
-        change = stored[n, 0] - stored[0, 0]
-        rows[0, n] = change
-        for column in range(1, STORED):
-            rows[column, n] = stored[n, column] - stored[0, column]
-            change += rows[column, n]
-        for column in range(LEDGER):
-            rows[STORED + column, n] = ledger[n, column]
-        rows[NUMERICAL, n] = ledger[n, ALGORITHMIC] + ledger[n, SEGMENTS]
-        rows[RESIDUAL, n] = unaccounted_energy(ledger, n, change)
+    with np.errstate(invalid="ignore", over="ignore"):  # of a run that went astray
+        change, residual = unaccounted_energy(stored, ledger)
+        turned_over = np.abs(ledger[:, MARKERS]) + np.abs(change)
+    largest = np.abs(residual).max(initial=0.0)
+    return float(largest), float(np.fmax.reduce(turned_over, initial=0.0))
 
 
 def folded_energy(run: Run, state: State) -> float:

@@ -27,21 +27,19 @@ from turnout.panel.markers import marker_offsets
 from turnout.panel.model import Panel
 from turnout.panel.records import Fastening
 from turnout.solver.energy import (
+    ALGORITHMIC,
     CONTACT,
     DAMPING,
-    ENERGY_ROW_COUNT,
     FRICTION,
     GRAVITY,
     KINETIC,
     MARKERS,
-    NUMERICAL,
     OBJECTS,
-    RESIDUAL,
-    STORED,
+    SEGMENTS,
     STRAIN,
     SWITCHED,
     energy_balance,
-    write_energies,
+    unaccounted_energy,
 )
 from turnout.solver.integration import History
 from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows, sums_of_columns
@@ -228,20 +226,20 @@ def stop_names(panel: Panel) -> list[str]:
     return [*panel.stop, *(f"stud {name}" for name in panel.stud)]
 
 
-_ENERGY_ROWS = {
+_STORED = {
     "energy_kinetic": KINETIC,
     "energy_strain": STRAIN,
     "energy_contact": CONTACT,
     "energy_gravity": GRAVITY,
-    "work_markers": STORED + MARKERS,
-    "energy_friction": STORED + FRICTION,
-    "energy_damping": STORED + DAMPING,
-    "energy_object_switched": STORED + SWITCHED,
-    "energy_object_dissipated": STORED + OBJECTS,
-    "energy_numerical": NUMERICAL,
-    "energy_residual": RESIDUAL,
 }
-ENERGIES = tuple(_ENERGY_ROWS)
+_LEDGER = {
+    "work_markers": MARKERS,
+    "energy_friction": FRICTION,
+    "energy_damping": DAMPING,
+    "energy_object_switched": SWITCHED,
+    "energy_object_dissipated": OBJECTS,
+}
+ENERGIES = (*_STORED, *_LEDGER, "energy_numerical", "energy_residual")
 """Channels that `energy_channels` makes."""
 
 
@@ -264,9 +262,12 @@ def energy_channels(stored: Floats, ledger: Floats) -> dict[str, Channel]:
         Channel name to dimensions and values.
     """
     # Rows over time, which later reading takes one after the other.
-    rows = np.empty((ENERGY_ROW_COUNT, stored.shape[0]))
-    write_energies(np.ascontiguousarray(stored), np.ascontiguousarray(ledger), rows)
-    return {name: (("time",), rows[row]) for name, row in _ENERGY_ROWS.items()}
+    stores, sums = np.ascontiguousarray((stored - stored[:1]).T), np.ascontiguousarray(ledger.T)
+    rows = {name: stores[row] for name, row in _STORED.items()}
+    rows |= {name: sums[row] for name, row in _LEDGER.items()}
+    rows["energy_numerical"] = sums[ALGORITHMIC] + sums[SEGMENTS]
+    rows["energy_residual"] = unaccounted_energy(stored, ledger)[1]
+    return {name: (("time",), values) for name, values in rows.items()}
 
 
 def energy_scale(stored: Floats, ledger: Floats) -> float:

@@ -27,7 +27,6 @@ from turnout.panel.markers import (
 )
 from turnout.panel.records import Movement
 from turnout.solver.arrange import clear_memory
-from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.solver.outcome import NotConverged
 from turnout.solver.record import SaveAt
@@ -374,7 +373,6 @@ def compile_kernels(*, machines: bool = False) -> None:
     """
     from turnout.throw.flangeway import compile_distances
     from turnout.throw.output_rows import HISTORIES, sums_of_columns
-    from turnout.throw.signals import energy_channels
 
     moments = {"throw.start": 0.0, "throw.duration": 0.01, "return.start": 0.02}
     changes: dict[str, object] = {f"movement.{key}": value for key, value in moments.items()}
@@ -391,7 +389,6 @@ def compile_kernels(*, machines: bool = False) -> None:
         prior=prior_motion(panel),
     )
     sums_of_columns("g", [[0]]).over_time(dict.fromkeys(HISTORIES, np.zeros((1, 1))))
-    energy_channels(np.zeros((1, STORED)), np.zeros((1, LEDGER)))
     compile_distances()
 
 
