@@ -416,21 +416,15 @@ def _advance(
 
 
 @compiled_loop
-def _gather_to(g: Floats, places: Ints, to: Floats, cached: int) -> None:
+def _gather_to(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        if cached:
-            store(gather_neighbours(g, places, i), to, i)
-        else:
-            store_nontemporal(gather_neighbours(g, places, i), to, i)
+        store_nontemporal(gather_neighbours(g, places, i), to, i)
 
 
 @compiled_loop
-def _copy_to(values: Floats, to: Floats, cached: int) -> None:
+def _copy_to(values: Floats, to: Floats) -> None:
     for i in range(0, values.size, LANES):
-        if cached:
-            store(load(values, i), to, i)
-        else:
-            store_nontemporal(load(values, i), to, i)
+        store_nontemporal(load(values, i), to, i)
 
 
 @compiled_part
@@ -440,13 +434,12 @@ def store_instant(run: Run, state: State, at: int) -> None:
     listed = record.places.shape[0] > 0
     whole = record.places[at, 0] if listed else at
     if whole >= 0:
-        cached = record.cached[0]
-        _copy_to(state.q, record.q[whole], cached)
-        _gather_to(state.g, system.row_place, record.g[whole], cached)
+        _copy_to(state.q, record.q[whole])
+        _gather_to(state.g, system.row_place, record.g[whole])
         if whole < record.v.shape[0]:
             copy(state.v, record.v[whole])
-        _copy_to(state.friction_force, record.friction[whole], cached)
-        _copy_to(work.force, record.law[whole], cached)
+        _copy_to(state.friction_force, record.friction[whole])
+        _copy_to(work.force, record.law[whole])
     kept = record.places[at, 1] if listed else at
     if kept >= 0 and record.seen.shape[1] > 0:
         store_seen(run, state, kept)

@@ -51,7 +51,7 @@ from turnout.kernels.vector import copy, gather_all
 from turnout.law.obstruction import Obstructions
 from turnout.law.table import LawTable
 from turnout.solver.condense import CondensedRails
-from turnout.solver.energy import LEDGER
+from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.state import Run, State, StepRecord, lines_from_buffer
 from turnout.solver.system import Floats, Ints, System, as_unsigned
 
@@ -435,11 +435,6 @@ def trim_watched(
     )
 
 
-LEAST_CACHED, MOST_CACHED = 4 * 2**20, 16 * 2**20
-"""Records of these sizes are stored through the processor's caches, from which they are read in two
-thirds of the time; smaller and larger ones would evict what the steps need [bytes]."""
-
-
 def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
     """Allocate the record of a run in one piece of memory."""
     widths = {
@@ -447,7 +442,7 @@ def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
         "g": whole_lines(system.row_place.size),
         "friction": whole_lines(laws.friction_row.size),
         "law": whole_lines(laws.row.size),
-        "stored": 4,
+        "stored": STORED,
         "ledger": LEDGER,
     }
     counts = dict.fromkeys(widths, plan.count)
@@ -472,7 +467,6 @@ def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
             arrays[name] = getattr(plan.template, name)
     record = clone_record(plan.template, **arrays)
     record.given[:] = plan.counts
-    record.cached[0] = not plan.watches and LEAST_CACHED <= 8 * total <= MOST_CACHED
     return record
 
 

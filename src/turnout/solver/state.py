@@ -248,8 +248,6 @@ class StepRecord(NamedTuple):
     `seen_load` under the constant load and the sum over the places, modes, laws and frictions of
     ``..._list`` with a row of weights in ``..._rows`` for each. The lists fill whole cache lines;
     `picked` is scratch for the longest.
-
-    `cached` is 1 if the first four are stored through the processor's caches, 0 if past them.
     """
 
     q: Floats
@@ -276,7 +274,6 @@ class StepRecord(NamedTuple):
     friction_list: Ints = _NO_PLACES
     friction_rows: Floats = np.zeros((0, 0))
     picked: Floats = np.zeros(0)
-    cached: Ints = np.zeros(1, dtype=np.int64)
 
 
 class Run(NamedTuple):
