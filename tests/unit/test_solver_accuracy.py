@@ -100,12 +100,12 @@ def test_a_flip_counts_by_its_divisor_both_ways(made: Setup) -> None:
     table, state = made.table, made.state
     law = 1  # a contact outside the folded system
     set_segment(table, state, law, 0)
-    update_row(made.run, state, int(table.row[law]), defer=False)
+    update_row(made.run, state, int(table.row[law]))
     state.drift[0] = 1.0
     grown = []
     for segment in (1, 0):
         set_segment(table, state, law, segment)
-        update_row(made.run, state, int(table.row[law]), defer=False)
+        update_row(made.run, state, int(table.row[law]))
         grown.append(float(state.drift[0]))
     assert grown[0] > 1.5
     assert grown[1] == pytest.approx(grown[0] ** 2, rel=1e-9)

@@ -140,9 +140,9 @@ def test_rails_of_other_sections_share_the_layout_and_give_the_same_bits(
     panels = [panel.with_overrides({"rail.section_scale": scale}) for scale in (0.98, 1.0, 1.02)]
     laid_out: list[object] = []
 
-    def lay_out(*given: object, fixed_rows: int) -> object:
+    def lay_out(*given: object) -> object:
         laid_out.append(given)
-        return condensing(*given, fixed_rows=fixed_rows)
+        return condensing(*given)
 
     condensing = arrangement.condensed_system
     monkeypatch.setattr(arrangement, "condensed_system", lay_out)

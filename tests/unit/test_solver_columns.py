@@ -20,7 +20,6 @@ from turnout.solver.columns import (
     activate,
     assemble_level,
     deactivate,
-    finish_pending,
     rebuild,
     update_row,
 )
@@ -33,7 +32,6 @@ from turnout.solver.state import (
     COUNT_JOINING,
     COUNT_REBUILDS,
     COUNT_RECENT,
-    PENDING,
     UNSOLVED,
     Options,
     Run,
@@ -164,7 +162,7 @@ def flip(made: Setup, rng: np.random.Generator) -> None:
         state.anchor[friction] = rng.normal() * 1e-3
         touched = {int(table.friction_row[friction])}
     for row in rng.permutation(sorted(touched)):
-        update_row(made.run, made.state, int(row), defer=False)
+        update_row(made.run, made.state, int(row))
 
 
 def deviations(made: Setup) -> tuple[np.ndarray, np.ndarray]:
@@ -306,28 +304,6 @@ def test_rebuild_gives_the_same_columns_and_removes_drift() -> None:
     check_bookkeeping(made)
 
 
-def test_rows_that_share_a_pass_have_the_bits_of_rows_one_by_one() -> None:
-    together, alone = setup(7, seed=6), setup(7, seed=6)
-    rng = np.random.default_rng(5)
-    shared = 0
-    for _ in range(60):
-        frictions = rng.choice(together.table.friction_row.size, size=3, replace=False)
-        branches, anchors = rng.integers(-1, 2, size=3), rng.normal(size=3) * 1e-3
-        rows = np.unique(together.table.friction_row[frictions])
-        for made in (together, alone):
-            made.state.friction[frictions] = branches
-            made.state.anchor[frictions] = anchors
-            for row in rows:
-                update_row(made.run, made.state, int(row), defer=made is together)
-                shared += int(made.state.counters[PENDING] > 0)
-            finish_pending(made.run, made.state)
-        for name in ("columns", "mode_columns", "constant_column", "entries", "shift", "drift"):
-            found, wanted = getattr(together.state, name), getattr(alone.state, name)
-            np.testing.assert_array_equal(found, wanted, err_msg=name)
-    assert shared > 30
-    check_against_dense(together)
-
-
 def test_a_rail_is_solved_again_where_its_columns_have_changed_and_only_there() -> None:
     made, rng = setup(7, seed=8), np.random.default_rng(3)
     system, state, work = made.system, made.state, made.work
@@ -349,7 +325,7 @@ def test_a_row_without_a_change_costs_nothing() -> None:
     made = setup(7, seed=2)
     before = made.state.columns.copy(), made.state.counters.copy()
     for row in made.rows:
-        update_row(made.run, made.state, row, defer=False)
+        update_row(made.run, made.state, row)
     np.testing.assert_array_equal(made.state.columns, before[0])
     assert made.state.counters[COUNT_FLIPS] == before[1][COUNT_FLIPS]
 
@@ -385,7 +361,7 @@ def test_kernels_equal_their_plain_functions() -> None:
             made.state.friction[friction] = branch
             for row in made.rows:
                 update = update_row if made is compiled else update_row.py_func
-                update(made.run, made.state, row, False)
+                update(made.run, made.state, row)
     for name in ("columns", "mode_columns", "constant_column", "entries", "shift"):
         want = getattr(compiled.state, name)
         np.testing.assert_allclose(

@@ -187,7 +187,7 @@ def _register_instructions() -> None:
 
         return build
 
-    numbers, two = (number_kind,) * 3, (_eight, _eight)
+    two = (_eight, _eight)
     for of, result, build, *wanted in (
         (lanes.greater, _FLAGGED, instruction("fcmp_ordered", ">"), *two),
         (lanes.greater_or_nan, _FLAGGED, instruction("fcmp_unordered", ">"), *two),
@@ -195,7 +195,6 @@ def _register_instructions() -> None:
         (lanes.select, _LANES, instruction("select"), _flags, *two),
         (lanes.absolute, _LANES, function(f"llvm.fabs.v{LANES}f64"), _eight),
         (lanes.multiply_add, _LANES, function(f"llvm.fma.v{LANES}f64"), _eight, *two),
-        (lanes.multiply_add_one, types.float64, function("llvm.fma.f64"), *numbers),
     ):
         intrinsic_code(of, result, *wanted)(build)
     for sign, name in (

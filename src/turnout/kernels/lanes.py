@@ -64,13 +64,6 @@ def empty_in_lines(*shape: int) -> Floats:
     return memory[first : first + count].reshape(shape)
 
 
-def copy_in_lines(values: Floats) -> Floats:
-    """Return a copy of floats that begins at a cache line and ends with one."""
-    found = empty_in_lines(*values.shape)
-    found[:] = values
-    return found
-
-
 def load(values: Floats, at: int) -> Floats:
     """Load eight neighbouring floats from index `at`.
 
@@ -152,17 +145,10 @@ def multiply_add(a: Floats, b: Floats, c: Floats) -> Floats:
     >>> float(multiply_add(a, b, np.full(8, -1.0))[0]) == -(2.0**-60)  # a product rounds to 1
     True
     """
-    return np.array(list(map(multiply_add_one, a.tolist(), b.tolist(), c.tolist())))
+    return np.array(list(map(_multiply_add_one, a.tolist(), b.tolist(), c.tolist())))
 
 
-def multiply_add_one(a: float, b: float, c: float) -> float:
-    """Return ``a b + c`` of three floats as `multiply_add` does of eight.
-
-    Examples
-    --------
-    >>> multiply_add_one(2.0, 3.0, 1.0)
-    7.0
-    """
+def _multiply_add_one(a: float, b: float, c: float) -> float:
     rounded = a * b + c
     return float(Fraction(a) * Fraction(b) + Fraction(c)) if math.isfinite(rounded) else rounded
 

@@ -15,7 +15,6 @@ from turnout.kernels.lanes import (
     horizontal_sum,
     load,
     multiply_add,
-    multiply_add_one,
     store,
 )
 
@@ -293,50 +292,6 @@ def update_rank_one(change: Floats, at: Ints, pivot: Floats, rows: Floats) -> No
         for k in range(change.size):
             a += change[k] * rows[r, at[k]]
         add_multiple(a, pivot, rows[r][:width])
-
-
-@compiled_loop
-def update_rank_two(
-    one: tuple[Floats, Ints, Floats], other: tuple[Floats, Ints, Floats], rows: Floats
-) -> None:
-    """Update a matrix by one change with its pivot, then by another one, in one pass.
-
-    The same as `update_rank_one` for both in turn, to the bit, but the matrix is read and written
-    once.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> first = np.array([10.0]), np.array([1], dtype=np.uint64), np.eye(8)[0]
-    >>> second = np.array([1.0]), np.array([0], dtype=np.uint64), np.eye(8)[2]
-    >>> rows = np.arange(24.0).reshape(3, 8)
-    >>> update_rank_two(first, second, rows)
-    >>> rows[:, :3].tolist()
-    [[10.0, 1.0, 12.0], [98.0, 9.0, 108.0], [186.0, 17.0, 204.0]]
-    """
-    change, at, pivot = one
-    next_change, next_at, next_pivot = other
-    n, width = rows.shape[0], pivot.size
-    for r in range(0, n, 2):
-        first, second = rows[r], rows[min(r + 1, n - 1)]
-        a, b, c, d = 0.0, 0.0, 0.0, 0.0
-        for k in range(change.size):
-            a += change[k] * first[at[k]]
-            b += change[k] * second[at[k]]
-        for k in range(next_change.size):
-            place = next_at[k]
-            c += next_change[k] * multiply_add_one(a, pivot[place], first[place])
-            d += next_change[k] * multiply_add_one(b, pivot[place], second[place])
-        a8, b8, c8, d8 = broadcast(a), broadcast(b), broadcast(c), broadcast(d)
-        if r + 1 < n:
-            for i in range(0, width, LANES):
-                moved, more = load(pivot, i), load(next_pivot, i)
-                store(multiply_add(c8, more, multiply_add(a8, moved, load(first, i))), first, i)
-                store(multiply_add(d8, more, multiply_add(b8, moved, load(second, i))), second, i)
-        else:
-            for i in range(0, width, LANES):
-                moved = multiply_add(a8, load(pivot, i), load(first, i))
-                store(multiply_add(c8, load(next_pivot, i), moved), first, i)
 
 
 @compiled_loop

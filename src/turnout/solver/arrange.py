@@ -7,10 +7,10 @@ identity. The rows of foreign objects come last and are added to the condensed r
 object in another place costs its own displacements and flexibilities, and no modes.
 
 A run takes its memory out and gives it back at its end, so that no two runs ever write to one.
-Compliances depend on the condensed rails and the length of the step (`turnout.solver.columns`), not
-on laws: throws of a study that differ in friction, stiffness of drives, slip levels and the object
-have them alike. Where objects stand matters for their own rows and columns alone, which are made
-again. States and scratch arrays are only laid out alike, which takes longer than to fill them.
+Compliances depend on the condensed rails, the places of objects and the length of the step
+(`turnout.solver.columns`), not on laws: throws of a study that differ in friction, stiffness of
+drives and slip levels have them alike. States and scratch arrays are only laid out alike, which
+takes longer than to fill them.
 Rails of which there is a single throw give nothing back. What needs no memory of its own is set up
 with the plans of other throws, while what Python needs for it is in the processor's caches.
 """
@@ -32,7 +32,6 @@ from turnout.law.friction import FrictionCourses, no_courses
 from turnout.law.obstruction import Obstructions, no_obstructions, remember
 from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Mechanism, Wait
-from turnout.solver.columns import READY, STALE
 from turnout.solver.condense import (
     BlockModel,
     CondensedRails,
@@ -62,7 +61,6 @@ from turnout.solver.system import (
     as_unsigned,
     check_normals,
     condensed_system,
-    move_added_ends,
     number_places,
     place_laws,
     refill_system,
@@ -221,10 +219,10 @@ def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None)
     frame = rails.frames.get(joined)
     known = frame is not None
     if frame is None:
-        frame, known = _laid_out(parts, laws, structure, fixed_rows=first)
+        frame, known = _laid_out(parts, laws, structure)
         rails.frames[joined], system = frame, frame.system
     else:
-        system = move_added_ends(frame.system, parts, laws, frame.places)
+        system = refill_system(frame.system, parts, laws, frame.places)
     row_stiffness = sum_at_rows(laws, folded_stiffness(laws), mechanism.n_rows)
     row_stiffness.flags.writeable = False  # throws share it
     condensed = CondensedRails(
@@ -241,21 +239,19 @@ def _laid_out(
     parts: tuple[BlockModel, ...],
     laws: LawTable,
     structure: _Structure | None,
-    *,
-    fixed_rows: int,
 ) -> tuple[Frame, bool]:
     """Lay out the system, or fill one that is known of rails that differ in their sections."""
     bases = [part if part.before is None else part.before for part in parts]
     leading = tuple(part.leading for part in bases)
     shapes = tuple((p.model.load.size, p.block.rows.tobytes(), id(p.leading)) for p in bases)
-    ends = (fixed_rows, *(part.block.rows.tobytes() for part in parts))
+    ends = tuple(part.block.rows.tobytes() for part in parts)
     key = None if structure is None else (structure.laws, laws.base_segment.tobytes(), shapes, ends)
     layout = None if key is None else _layouts.get(key)
     if layout is not None:
         system = refill_system(layout.system, parts, laws, layout.places)
         return replace(layout, system=system, feet={}), True
     places = number_places(parts)
-    system = condensed_system(parts, laws, places, fixed_rows=fixed_rows)
+    system = condensed_system(parts, laws, places)
     frame = Frame(system, places, leading, {})
     if key is not None:
         _layouts.put(key, frame)
@@ -510,7 +506,7 @@ class Buffers:
     frame : Frame
         Of its rails.
     system : System
-        For which the compliances in the state are known.
+        For which the compliances in the state are.
     state, work : State, Work
         Of the run.
     record : StepRecord, optional
@@ -522,13 +518,6 @@ class Buffers:
     state: State
     work: Work
     record: StepRecord | None
-
-    def ready_for(self, arrangement: Arrangement) -> NDArray[np.int64]:
-        """Return which of the compliances are known for a system, shape (n_levels,)."""
-        ready = self.state.level_ready.copy()
-        if self.system is arrangement.system:
-            return ready
-        return np.where(ready == READY, STALE, ready) * (self.frame is arrangement.frame)
 
 
 _kept = LRUCache[Buffers](24)  # three megabytes each in quick mode
@@ -557,7 +546,8 @@ def prepare(setup: RunSetup) -> tuple[Run, State]:
         work, record = new_work(system, table), None
         fresh[n_inputs, levels] = tuple(_vectors(of).copy() for of in (state, work))
     else:
-        state, work, record, ready = kept.state, kept.work, kept.record, kept.ready_for(arrangement)
+        state, work, record = kept.state, kept.work, kept.record
+        ready = state.level_ready * (kept.system is system)
         _vectors(state)[:], _vectors(work)[:] = fresh[n_inputs, levels]
         state.level_ready[:] = ready
     state.inputs[:] = setup.positions[0]

@@ -50,7 +50,6 @@ from turnout.kernels.vector import (
     scale_into,
     sum_weighted_rows,
     update_rank_one,
-    update_rank_two,
 )
 from turnout.law.friction import STICK, limit_line
 from turnout.solver.state import (
@@ -62,7 +61,6 @@ from turnout.solver.state import (
     FRICTIONS,
     LAWS,
     LEVEL,
-    PENDING,
     UNSOLVED,
     Run,
     State,
@@ -153,12 +151,8 @@ def deactivate(run: Run, state: State, end: int) -> None:
 
 
 @compiled
-def update_row(run: Run, state: State, row: int, defer: bool) -> None:
-    """Update one row to the present state of its laws.
-
-    With `defer` most columns may wait for the next row, so that both take one pass;
-    `finish_pending` must follow the last row.
-    """
+def update_row(run: Run, state: State, row: int) -> None:
+    """Update one row to the present state of its laws."""
     system = run.system
     start, stop = system.pattern_start[row], system.pattern_start[row + 1]
     n_terms = system.term_start[row + 1] - system.term_start[row]
@@ -180,25 +174,21 @@ def update_row(run: Run, state: State, row: int, defer: bool) -> None:
     state.counters[COUNT_FLIPS] += 1
     state.counters[COUNT_RECENT] += 1
     if system.row_ends[row, 1] >= 0:
-        finish_pending(run, state)
         state.entries[start] = entries[0]
         _update_joining_row(run, state, row, not vanished, rest)
         return
     end = system.row_ends[row, 0]
     if state.slot_of_end[end] < 0:
-        finish_pending(run, state)
         activate(run, state, end, row, rest)
     for k in range(stop - start):
         delta = entries[k] - state.entries[start + k]
         state.entries[start + k] = entries[k]
         entries[k] = delta
     if changed:
-        _update_columns(run, state, row, entries, rest, shift_change, defer)
+        _update_columns(run, state, row, entries, rest, shift_change)
     else:
-        finish_pending(run, state)
         shift_constant(run, state, end, shift_change)
     if vanished:
-        finish_pending(run, state)
         deactivate(run, state, end)
 
 
@@ -225,13 +215,7 @@ def shift_constant(run: Run, state: State, end: int, shift_change: float) -> Non
 
 @compiled
 def _update_columns(
-    run: Run,
-    state: State,
-    row: int,
-    change: Floats,
-    scratch: Floats,
-    shift_change: float,
-    defer: bool,
+    run: Run, state: State, row: int, change: Floats, scratch: Floats, shift_change: float
 ) -> None:
     """Update all columns of a block for a change of entries of a row and of its shift [N].
 
@@ -239,21 +223,11 @@ def _update_columns(
     """
     system = run.system
     end = system.row_ends[row, 0]
-    block = system.block_of_end[end]
-    first = system.end_start[block]
+    block, slot = system.block_of_end[end], state.slot_of_end[end]
+    first, slots = system.end_start[block], system.slot_start[block]
     width = system.end_start[block + 1] - first
-    slot = state.slot_of_end[end]
     pivot, scaled = state.columns[slot, :width], scratch[:width]
     at = system.pattern_at[system.pattern_start[row] : system.pattern_start[row + 1]]
-    before = state.counters[PENDING] - 1
-    if before >= 0 and system.block_of_end[system.row_ends[before, 0]] != block:
-        finish_pending(run, state)
-        before = -1
-    if before >= 0:
-        slot_before = state.slot_of_end[system.row_ends[before, 0]]
-        change_before, at_before = _pending_change(run, state, before)
-        moved = state.columns[slot_before, :width]
-        add_multiple(_dot_pattern(change_before, at_before, pivot), moved, pivot)
     denominator = 1.0
     for k in range(change.size):
         denominator -= change[k] * pivot[at[k]]
@@ -265,45 +239,6 @@ def _update_columns(
     if state.counters[COUPLED] != 0:
         state.counters[COUPLED] |= 2 << block
     copy(scaled, pivot)
-    if before >= 0:
-        one, other = (change_before, at_before, moved), (change, at, scaled)
-        low, high = min(slot, slot_before), max(slot, slot_before)
-        slots = system.slot_start[block]
-        update_rank_two(one, other, state.columns[slots:low])
-        update_rank_two(one, other, state.columns[low + 1 : high])
-        update_rank_two(one, other, state.columns[high + 1 : slots + state.slots[block]])
-        modes = system.mode_start[block], system.mode_start[block + 1]
-        update_rank_two(one, other, state.mode_columns[modes[0] : modes[1]])
-        add_multiple(_dot_pattern(change, at, moved), scaled, moved)
-        state.counters[PENDING] = 0
-        return
-    copy(change, state.pending)
-    state.counters[PENDING] = row + 1
-    if not defer:
-        finish_pending(run, state)
-
-
-@compiled
-def _pending_change(run: Run, state: State, row: int) -> tuple[Floats, Ints]:
-    """Return the change of the entries of a row that most columns wait for, and their places."""
-    system = run.system
-    start, stop = system.pattern_start[row], system.pattern_start[row + 1]
-    return state.pending[: stop - start], system.pattern_at[start:stop]
-
-
-@compiled
-def finish_pending(run: Run, state: State) -> None:
-    """Update the columns that wait for the change of a row, if there is one."""
-    system = run.system
-    row = state.counters[PENDING] - 1
-    if row < 0:
-        return
-    state.counters[PENDING] = 0
-    end = system.row_ends[row, 0]
-    block, slot = system.block_of_end[end], state.slot_of_end[end]
-    change, at = _pending_change(run, state, row)
-    pivot = state.columns[slot, : system.end_start[block + 1] - system.end_start[block]]
-    slots = system.slot_start[block]
     update_rank_one(change, at, pivot, state.columns[slots:slot])
     update_rank_one(change, at, pivot, state.columns[slot + 1 : slots + state.slots[block]])
     modes = system.mode_start[block], system.mode_start[block + 1]
@@ -366,7 +301,7 @@ def rebuild(run: Run, state: State, level: int) -> None:
             activate(run, state, system.row_ends[row, 0], row, scratch)
         elif system.pinned[row]:
             _update_joining_row(run, state, row, True, scratch)
-        update_row(run, state, row, defer=False)
+        update_row(run, state, row)
     state.counters[COUNT_RECENT] = 0
     state.counters[COUNT_REBUILDS] += 1
 
@@ -402,29 +337,20 @@ def update_marked(run: Run, state: State, count: int) -> None:
     for i in range(count):
         row = work.dirty_list[i]
         work.dirty[row] = 0
-        update_row(run, state, row, defer=True)
-    finish_pending(run, state)
-
-
-READY, STALE = 1, 2
-"""Of a compliance: as for the present system, or for one whose objects stand elsewhere."""
+        update_row(run, state, row)
 
 
 @compiled
 def assemble_level(run: Run, state: State, level: int, inertia: float, viscosity: float) -> None:
     """Assemble the compliance of every block from the inverse of ``inertia I + viscosity C + K``.
 
-    It is done once for each length of a step. A singular matrix gives NaN. What is *stale* is known
-    from a run of the same rails with its objects elsewhere: only what hangs on these is made again.
+    It is done once for each length of a step. A singular matrix gives NaN.
     """
     system = run.system
-    ready = state.level_ready[level]
-    state.level_ready[level] = READY
-    compliance = state.compliance[level]
-    if ready == STALE:
-        _move_ends(system, compliance)
-    if ready != 0:
+    if state.level_ready[level]:
         return
+    state.level_ready[level] = 1
+    compliance = state.compliance[level]
     for end in range(compliance.shape[0]):
         column = compliance[end]
         column[:] = 0.0  # its memory may have served before
@@ -445,45 +371,6 @@ def assemble_level(run: Run, state: State, level: int, inertia: float, viscosity
             _assemble_end(system, compliance, end, block, inverse)
         _put(inverse, compliance[stop : stop + n, width : width + n])
         release_matrix(inverse)
-
-
-@compiled
-def _move_ends(system: System, compliance: Floats) -> None:
-    """Assemble what of a compliance depends on the ends of objects, bit by bit as for the whole."""
-    for k in range(system.moved_end.size):
-        end = system.moved_end[k]
-        block = system.block_of_end[end]
-        first, last = system.mode_start[block], system.mode_start[block + 1]
-        start, stop = system.end_start[block], system.end_stop[block]
-        n, width = last - first, stop - start
-        inverse = acquire_matrix(n, n)
-        _put(compliance[stop : stop + n, width : width + n], inverse)
-        _assemble_end(system, compliance, end, block, inverse)
-        release_matrix(inverse)
-        modes = system.mode_ends[first:last]
-        for other in range(start, stop):
-            _move_entry(system, compliance, other, end - start, width, modes)
-        for other in range(system.follower_start[block], system.follower_start[block + 1]):
-            _move_entry(system, compliance, other, end - start, width, modes)
-
-
-@compiled
-def _move_entry(
-    system: System, compliance: Floats, end: int, at: int, width: int, modes: Floats
-) -> None:
-    """Assemble one displacement under a unit force on an end, summed as `_assemble_end` does."""
-    column = compliance[end]
-    of_modes = column[width : width + modes.shape[0]]
-    total, r = system.flexibility[end, at], 0
-    while r + 4 <= of_modes.size:
-        pair = of_modes[r] * modes[r, at] + of_modes[r + 1] * modes[r + 1, at]
-        other = of_modes[r + 2] * modes[r + 2, at] + of_modes[r + 3] * modes[r + 3, at]
-        total += pair + other
-        r += 4
-    while r < of_modes.size:
-        total += of_modes[r] * modes[r, at]
-        r += 1
-    column[at] = total
 
 
 @compiled

@@ -338,10 +338,8 @@ class State(NamedTuple):
     was last measured [-].
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
     iterations, halved steps, rebuilds, the level, the state of the coupling: 0 unknown, 1 up to
-    date, else 1 and a bit, from the second on, for each block whose columns have changed; a bit for
-    each block whose columns or right side have changed since the last solution, -1 for all; and one
-    more than the row for whose change most columns of its block still wait, 0 for none
-    (``pending`` holds this change).
+    date, else 1 and a bit, from the second on, for each block whose columns have changed; and a
+    bit for each block whose columns or right side have changed since the last solution, -1 for all.
     """
 
     segment: Ints
@@ -364,7 +362,6 @@ class State(NamedTuple):
     friction_rest_offset: Floats
     entries: Floats
     shift: Floats
-    pending: Floats
     slot_of_end: Ints
     end_of_slot: Ints
     row_of_slot: Ints
@@ -422,8 +419,7 @@ def set_segment(table: LawTable, state: State, law: int, segment: int) -> None:
     LEVEL,
     COUPLED,
     UNSOLVED,
-    PENDING,
-) = range(10)
+) = range(9)
 
 
 @compiled
@@ -473,7 +469,6 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             input_law_force=np.zeros(system.input_law.size),
             entries=np.zeros(system.pattern_list.size),
             **_alike(np.zeros(n_places), "g shift"),
-            pending=np.zeros(int(np.max(np.diff(system.pattern_start), initial=1))),
             slot_of_end=np.full(n_ends, -1, dtype=np.int64),
             **_alike(np.full(n_slots, -1, dtype=np.int64), "end_of_slot row_of_slot"),
             slots=np.zeros(system.end_stop.size, dtype=np.int64),
@@ -488,7 +483,7 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             compliance=lines_from_buffer(levels, n_ends, widest),
             inputs=np.zeros(n_inputs),
             ledger=np.zeros(7),
-            counters=np.zeros(10, dtype=np.int64),
+            counters=np.zeros(9, dtype=np.int64),
             drift=np.ones(1),
         ),
         lower=-np.inf,

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import MechanicsError
-from turnout.kernels.lanes import LANES, copy_in_lines, whole_lines, zeros_in_lines
+from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.table import LawTable
 from turnout.solver.condense import BlockModel, folded_stiffness
@@ -198,8 +198,7 @@ class System(NamedTuple):
     Inputs: ``input_law`` are the driven laws and ``input_row`` their rows; ``input_end`` are those
     of the rows that are an end. ``input_place`` is the number of a law's input, from one, or zero,
     and ``input_group`` where the groups of eight laws with any input begin. ``timed_law`` lists the
-    laws that do not always act, ``moved_end`` the ends of rows that stand elsewhere in another
-    system of the same rails.
+    laws that do not always act.
     """
 
     load: Floats
@@ -245,15 +244,12 @@ class System(NamedTuple):
     input_group: Ints
     input_end: Ints
     timed_law: Ints
-    moved_end: Ints
 
 
 def condensed_system(
     parts: Sequence[BlockModel],
     laws: LawTable,
     places: Places | None = None,
-    *,
-    fixed_rows: int | None = None,
 ) -> System:
     """Assemble modal models and their laws for the kernels.
 
@@ -265,8 +261,6 @@ def condensed_system(
         All laws, by rows of the mechanism.
     places : Places, optional
         Of the parts.
-    fixed_rows : int, optional
-        Rows beyond these are those of objects, which may be filled in elsewhere; default none.
 
     Returns
     -------
@@ -321,7 +315,6 @@ def condensed_system(
         timed_law=np.flatnonzero(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
-        moved_end=_moved_ends(parts, places, fixed_rows),
     )
     return shared_record(system)
 
@@ -329,7 +322,7 @@ def condensed_system(
 def refill_system(
     system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
 ) -> System:
-    """Return a system of rails of other sections.
+    """Return a system of rails of other sections, or with objects elsewhere.
 
     Parameters
     ----------
@@ -344,70 +337,17 @@ def refill_system(
     """
     of_ends = _assemble_ends(parts, places)
     models = [part.model for part in parts]
-    matrices = {name: getattr(system, name) for name in _OF_LAYOUT}
+    kept = ("row_ends", "follower_list", "follower_weight", "joining_ends")
+    matrices = {name: getattr(system, name) for name in kept}
     matrices |= {name: of_ends[name] for name in ("end_modes", "mode_ends", "flexibility")}
     matrices["stiffness"] = _stack_padded([model.stiffness for model in models])
     found = clone_record(system, **matrices)
     found.load[:] = np.concatenate([model.load for model in models])
     found.damping[:] = np.concatenate([np.diagonal(model.damping) for model in models])
-    return _with_loads(found, of_ends["end_load"], laws, places)
-
-
-def move_added_ends(
-    system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
-) -> System:
-    """Return a system of the same rails with objects elsewhere, whose ends were added to them.
-
-    Parameters
-    ----------
-    system, parts, laws, places
-        As of `refill_system`.
-    """
-    end_load, end_modes = system.end_load.copy(), system.end_modes.copy()
-    mode_ends, flexibility = copy_in_lines(system.mode_ends), copy_in_lines(system.flexibility)
-    for block, part in enumerate(parts):
-        if part.before is None:
-            continue
-        model, at = part.model, places.of_end[block]
-        known, leaders = part.before.block.rows.size, part.leading.leaders
-        added, columns = at[known:], at - places.end_start[block]
-        end_load[added] = model.row_load[known:]
-        end_modes[added, : model.load.size] = model.row_modes[known:]
-        modes = slice(places.mode_start[block], places.mode_start[block + 1])
-        mode_ends[modes, columns[known:]] = model.row_modes[known:].T
-        flexibility[at[:, np.newaxis], columns[known:]] = model.flexibility[:, known:]
-        flexibility[added[:, np.newaxis], columns[leaders]] = model.flexibility[known:, leaders]
-    _add_joining_ends(end_load, places)
-    matrices = {name: getattr(system, name) for name in (*_OF_LAYOUT, "stiffness")}
-    matrices |= {"end_modes": end_modes, "mode_ends": mode_ends, "flexibility": flexibility}
-    return _with_loads(clone_record(system, **matrices), end_load, laws, places)
-
-
-_OF_LAYOUT = ("row_ends", "follower_list", "follower_weight", "joining_ends")
-
-
-def _with_loads(system: System, end_load: Floats, laws: LawTable, places: Places) -> System:
-    """Return a system with static displacements under the constant load."""
-    system.end_load[:] = end_load
-    system.law_load[:] = end_load[places.of_row[laws.row]]
-    system.friction_load[:] = end_load[places.of_row[laws.friction_row]]
-    return system
-
-
-def _add_joining_ends(end_load: Floats, places: Places) -> None:
-    """Add up the static displacements of the ends of the rows that join blocks."""
-    joins = places.row_ends[:, 1] >= 0
-    end_load[joins] = end_load[places.row_ends[joins]].sum(axis=1)
-
-
-def _moved_ends(parts: Sequence[BlockModel], places: Places, fixed_rows: int | None) -> Ints:
-    """Return the ends of the rows from a number on."""
-    if fixed_rows is None:
-        return np.zeros(0, dtype=np.int64)
-    found = [
-        at[part.block.rows >= fixed_rows] for part, at in zip(parts, places.of_end, strict=True)
-    ]
-    return np.concatenate(found).astype(np.int64)
+    found.end_load[:] = of_ends["end_load"]
+    found.law_load[:] = found.end_load[places.of_row[laws.row]]
+    found.friction_load[:] = found.end_load[places.of_row[laws.friction_row]]
+    return found
 
 
 def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
@@ -428,7 +368,8 @@ def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any
         found["end_modes"][at, : n_modes[block]] = model.row_modes
         found["mode_ends"][modes, : leaders.size] = model.row_modes[leaders].T
         found["flexibility"][at, : leaders.size] = model.flexibility[:, leaders]
-    _add_joining_ends(found["end_load"], places)
+    joins = places.row_ends[:, 1] >= 0
+    found["end_load"][joins] = found["end_load"][places.row_ends[joins]].sum(axis=1)
     return found
 
 
