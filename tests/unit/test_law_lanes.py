@@ -46,9 +46,9 @@ def _sum(values: Floats) -> float:
 
 
 @compiled
-def _gather_neighbours(values: Floats, places: Floats, to: Floats) -> None:
+def _gather(values: Floats, places: Floats, to: Floats) -> None:
     for i in range(0, to.size, LANES):
-        lanes.store(lanes.gather_neighbours(values, places, i), to, i)
+        lanes.store(lanes.gather(values, places, i), to, i)
 
 
 @compiled
@@ -106,7 +106,7 @@ def test_a_sum_has_one_order() -> None:
 
 
 @pytest.mark.parametrize("kind", [np.int64, np.uint64])
-def test_neighbours_are_gathered_as_any_places_are(kind: type) -> None:
+def test_neighbours_and_any_other_places_are_gathered(kind: type) -> None:
     values = np.random.default_rng(3).normal(size=40)
     neighbours = np.arange(5, 5 + LANES)
     groups = [neighbours, neighbours + 27, neighbours[::-1], np.full(LANES, 7), 2 * neighbours]
@@ -116,7 +116,7 @@ def test_neighbours_are_gathered_as_any_places_are(kind: type) -> None:
         groups.append(changed)
     places = np.concatenate(groups).astype(kind)
     found = np.zeros(places.size)
-    _gather_neighbours(values, places, found)
+    _gather(values, places, found)
     np.testing.assert_array_equal(found, values[places])
 
 

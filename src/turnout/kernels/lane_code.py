@@ -14,9 +14,8 @@ from turnout.kernels.lanes import LANES
 
 _EIGHT = ir.VectorType(ir.DoubleType(), LANES)
 _FLAGS = ir.VectorType(ir.IntType(1), LANES)
-_WHOLE, _WHOLES = ir.IntType(64), ir.VectorType(ir.IntType(64), LANES)
-_AT = ir.IntType(32)
-"""Index within eight values."""
+_WHOLE, _AT = ir.IntType(64), ir.IntType(32)
+"""Indices of an array, and within eight values."""
 
 
 class _Lanes(types.Type):
@@ -64,12 +63,6 @@ def _shuffle(builder: Any, lanes_of: list[int], one: Any, other: Any = None) -> 
     return builder.shuffle_vector(one, other, ir.Constant(kind, lanes_of))
 
 
-def _repeat(builder: Any, value: Any, kind: Any) -> Any:
-    """Return a vector of one value."""
-    first = builder.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(_AT, 0))
-    return _shuffle(builder, [0] * LANES, first)
-
-
 @intrinsic_code(lanes.load, _LANES, _values, index_kind)
 def _load(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
     return builder.load(_eight_at(builder, *args), align=8)
@@ -98,27 +91,6 @@ def _gather(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
         place = builder.load(builder.gep(places.data, [index]))
         value = builder.load(builder.gep(values.data, [place]))
         found = builder.insert_element(found, value, ir.Constant(_AT, lane))
-    return found
-
-
-@intrinsic_code(lanes.gather_neighbours, _LANES, _values, _places, index_kind)
-def _gather_neighbours(context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
-    values, places, at = args
-    start = builder.bitcast(builder.gep(places.data, [at]), _WHOLES.as_pointer())
-    found_places = builder.load(start, align=8)
-    first = builder.extract_element(found_places, ir.Constant(_AT, 0))
-    steps = ir.Constant(_WHOLES, list(range(LANES)))
-    expected = builder.add(_repeat(builder, first, _WHOLES), steps)
-    same = builder.bitcast(builder.icmp_unsigned("==", found_places, expected), ir.IntType(LANES))
-    neighbours = builder.icmp_unsigned("==", same, ir.Constant(ir.IntType(LANES), 2**LANES - 1))
-    with builder.if_else(neighbours, likely=True) as (then, otherwise):
-        with then:
-            together, after_together = _load(context, builder, (values, first)), builder.block
-        with otherwise:
-            apart, after_apart = _gather(context, builder, args), builder.block
-    found = builder.phi(_EIGHT)
-    found.add_incoming(together, after_together)
-    found.add_incoming(apart, after_apart)
     return found
 
 
@@ -153,7 +125,10 @@ def _exchange_blocks(builder: Any, rows: list[Any], size: int) -> list[Any]:
 
 @intrinsic_code(lanes.broadcast, _LANES, number_kind)
 def _broadcast(_context: Any, builder: Any, args: tuple[Any, ...]) -> Any:
-    return _repeat(builder, args[0], _EIGHT)
+    nothing = ir.Constant(_EIGHT, ir.Undefined)
+    return _shuffle(
+        builder, [0] * LANES, builder.insert_element(nothing, args[0], ir.Constant(_AT, 0))
+    )
 
 
 @intrinsic_code(lanes.horizontal_sum, types.float64, _eight)

@@ -91,11 +91,6 @@ def gather(values: Floats, places: Indices, at: int) -> Floats:
     return found
 
 
-def gather_neighbours(values: Floats, places: Indices, at: int) -> Floats:
-    """Load as `gather` does, quickly if the eight mostly are neighbours in order."""
-    return gather(values, places, at)
-
-
 def turn(values: Floats, step: int, to: Floats, to_step: int) -> None:
     """Write eight rows of eight neighbours as eight columns.
 

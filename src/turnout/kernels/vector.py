@@ -174,12 +174,12 @@ def _sum_some_rows(start: Floats, weights: Floats, rows: Floats, to: Floats, fre
     """Write a start and a sum of rows, or add the sum to earlier values."""
     at, lines = 0, to.size // LANES
     while lines >= 6:
-        if lines % 6 == 0:
-            _sum_six_lines(start, weights, rows, to, at, fresh)
-            at, lines = at + 6 * LANES, lines - 6
+        count = 6 if lines % 6 == 0 else 7
+        if count == 6:
+            _sum_lines(start, weights, rows, to, at, fresh, False)
         else:
-            _sum_seven_lines(start, weights, rows, to, at, fresh)
-            at, lines = at + 7 * LANES, lines - 7
+            _sum_lines(start, weights, rows, to, at, fresh, True)
+        at, lines = at + count * LANES, lines - count
     while at < to.size:
         total = _begin(start, at, fresh)
         for r in range(weights.size):
@@ -204,42 +204,15 @@ def _end(total: Floats, to: Floats, at: int, fresh: bool) -> None:
 
 
 @compiled_loop
-def _sum_six_lines(
-    start: Floats, weights: Floats, rows: Floats, to: Floats, at: int, fresh: bool
+def _sum_lines(
+    start: Floats, weights: Floats, rows: Floats, to: Floats, at: int, fresh: bool, seven: bool
 ) -> None:
-    second, third, fourth = at + LANES, at + 2 * LANES, at + 3 * LANES
-    fifth, sixth = at + 4 * LANES, at + 5 * LANES
-    a, b, c = _begin(start, at, fresh), _begin(start, second, fresh), _begin(start, third, fresh)
-    d, e, f = _begin(start, fourth, fresh), _begin(start, fifth, fresh), _begin(start, sixth, fresh)
-    for r in range(weights.size):
-        weight, row = broadcast(weights[r]), rows[r]
-        a = multiply_add(weight, load(row, at), a)
-        b = multiply_add(weight, load(row, second), b)
-        c = multiply_add(weight, load(row, third), c)
-        d = multiply_add(weight, load(row, fourth), d)
-        e = multiply_add(weight, load(row, fifth), e)
-        f = multiply_add(weight, load(row, sixth), f)
-    _end(a, to, at, fresh)
-    _end(b, to, second, fresh)
-    _end(c, to, third, fresh)
-    _end(d, to, fourth, fresh)
-    _end(e, to, fifth, fresh)
-    _end(f, to, sixth, fresh)
-
-
-@compiled_loop
-def _sum_seven_lines(
-    start: Floats, weights: Floats, rows: Floats, to: Floats, at: int, fresh: bool
-) -> None:
+    """Sum six or seven lines; LLVM leaves the seventh out where it is not wanted."""
     second, third, fourth = at + LANES, at + 2 * LANES, at + 3 * LANES
     fifth, sixth, seventh = at + 4 * LANES, at + 5 * LANES, at + 6 * LANES
-    a, b, c, g = (
-        _begin(start, at, fresh),
-        _begin(start, second, fresh),
-        _begin(start, third, fresh),
-        _begin(start, seventh, fresh),
-    )
+    a, b, c = _begin(start, at, fresh), _begin(start, second, fresh), _begin(start, third, fresh)
     d, e, f = _begin(start, fourth, fresh), _begin(start, fifth, fresh), _begin(start, sixth, fresh)
+    g = _begin(start, seventh, fresh) if seven else a
     for r in range(weights.size):
         weight, row = broadcast(weights[r]), rows[r]
         a = multiply_add(weight, load(row, at), a)
@@ -248,14 +221,16 @@ def _sum_seven_lines(
         d = multiply_add(weight, load(row, fourth), d)
         e = multiply_add(weight, load(row, fifth), e)
         f = multiply_add(weight, load(row, sixth), f)
-        g = multiply_add(weight, load(row, seventh), g)
+        if seven:
+            g = multiply_add(weight, load(row, seventh), g)
     _end(a, to, at, fresh)
     _end(b, to, second, fresh)
     _end(c, to, third, fresh)
     _end(d, to, fourth, fresh)
     _end(e, to, fifth, fresh)
     _end(f, to, sixth, fresh)
-    _end(g, to, seventh, fresh)
+    if seven:
+        _end(g, to, seventh, fresh)
 
 
 @compiled_loop

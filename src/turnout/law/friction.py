@@ -22,7 +22,6 @@ from turnout.kernels.lanes import (
     any_true,
     broadcast,
     gather,
-    gather_neighbours,
     greater,
     greater_or_nan,
     horizontal_sum,
@@ -123,7 +122,7 @@ def trials_and_limits(
     zero, tolerance_8 = broadcast(0.0), broadcast(tolerance)
     violated = greater(zero, zero)
     for i in range(0, trials.size, LANES):
-        limit = friction_limit(load(coefficient, i), gather_neighbours(force, normal, i))
+        limit = friction_limit(load(coefficient, i), gather(force, normal, i))
         limit = limit + load(beyond, i)
         trial = trial_force(load(stiffness, i), gather(g, row, i), load(anchor, i))
         store(limit, limits, i)
@@ -240,7 +239,7 @@ def forces_beyond_level(
         branch, kept = load(branches, i), load(present, i)
         v = absolute(gather(speed, speed_of, i))
         v = select(greater(v, fastest), fastest, v)
-        of_normal = gather_neighbours(force, normal, i)
+        of_normal = gather(force, normal, i)
         level = load(coefficient, i) * select(greater(of_normal, zero), of_normal, zero)
         more, rises = load(excess, i), load(rise, i)
         wanted = level * (more / (one + load(fall, i) * v * v) + rises * v)

@@ -29,7 +29,7 @@ from turnout.kernels.lanes import (
     absolute,
     any_true,
     broadcast,
-    gather_neighbours,
+    gather,
     greater_or_nan,
     horizontal_sum,
     load,
@@ -418,7 +418,7 @@ def _advance(
 @compiled_loop
 def _gather_to(g: Floats, places: Ints, to: Floats) -> None:
     for i in range(0, places.size, LANES):
-        store_nontemporal(gather_neighbours(g, places, i), to, i)
+        store_nontemporal(gather(g, places, i), to, i)
 
 
 @compiled_loop

@@ -40,7 +40,7 @@ from turnout.kernels.lanes import (
     LANES,
     broadcast,
     empty_in_lines,
-    gather_neighbours,
+    gather,
     load,
     store,
     whole_lines,
@@ -171,8 +171,8 @@ def _pick_deviations(
 ) -> None:
     """Write by how much the forces of some laws differ from those in the linear system [N]."""
     for i in range(0, to.size, LANES):
-        held = gather_neighbours(slope, laws, i) * gather_neighbours(g, places, i)
-        store(gather_neighbours(forces, laws, i) - held, to, i)
+        held = gather(slope, laws, i) * gather(g, places, i)
+        store(gather(forces, laws, i) - held, to, i)
 
 
 @compiled_loop

@@ -34,7 +34,6 @@ from turnout.kernels.lanes import (
     any_true,
     broadcast,
     gather,
-    gather_neighbours,
     greater,
     greater_or_nan,
     load,
@@ -51,7 +50,7 @@ from turnout.kernels.vector import (
     gather_all,
     sum_weighted_rows,
 )
-from turnout.law.friction import branch_violated, friction_state, trials_and_limits
+from turnout.law.friction import friction_state, trials_and_limits
 from turnout.law.kernel import any_not_finite, segment_for
 from turnout.solver.columns import mark_law, mark_row, update_marked
 from turnout.solver.energy import MARKERS
@@ -129,14 +128,14 @@ def _expand_followers(g: Floats, leaders: Ints, weights: Floats, following: Floa
     for i in range(0, leaders.shape[1], LANES):
         sums = broadcast(0.0)
         for term in range(leaders.shape[0]):
-            sums = sums + load(weights[term], i) * gather_neighbours(g, leaders[term], i)
+            sums = sums + load(weights[term], i) * gather(g, leaders[term], i)
         store(sums, following, i)
 
 
 @compiled_loop
 def _sum_joining_ends(g: Floats, ends: Ints, joining: Floats) -> None:
     for i in range(0, ends.shape[1], LANES):
-        store(gather(g, ends[0], i) + gather_neighbours(g, ends[1], i), joining, i)
+        store(gather(g, ends[0], i) + gather(g, ends[1], i), joining, i)
 
 
 @compiled_part
@@ -414,30 +413,20 @@ def update_segments(run: Run, state: State, one_at_a_time: bool) -> int:
         return NO_NUMBERS
     argument, lower, upper = work.argument, state.lower, state.upper
     count = 0
-    for first in range(0, argument.size, LANES):
-        if not _any_outside(argument, lower, upper, gap, first):
-            continue
-        for law in range(first, min(first + LANES, argument.size)):
-            if argument[law] > upper[law] + gap or argument[law] < lower[law] - gap:
-                e = argument[law] - table.offset[law]
-                present = state.segment[law]
-                segment = segment_for(table, law, e, present, gap)
-                # to the neighbour only: a jump over a segment can go back and forth for ever
-                segment = min(max(segment, present - 1), present + 1)
-                set_segment(table, state, law, segment)
-                work.force[law] = state.slope[law] * argument[law] + state.constant[law]
-                count = mark_law(run, state, count, law)
-                if one_at_a_time:
-                    return count
+    for law in range(argument.size):
+        if argument[law] > upper[law] + gap or argument[law] < lower[law] - gap:
+            e = argument[law] - table.offset[law]
+            present = state.segment[law]
+            segment = segment_for(table, law, e, present, gap)
+            # to the neighbour only: a jump over a segment can go back and forth for ever
+            segment = min(max(segment, present - 1), present + 1)
+            set_segment(table, state, law, segment)
+            work.force[law] = state.slope[law] * argument[law] + state.constant[law]
+            count = mark_law(run, state, count, law)
+            if one_at_a_time:
+                return count
     return count
-
-
-@compiled_loop
-def _any_outside(argument: Floats, lower: Floats, upper: Floats, gap: float, at: int) -> bool:
-    """Return whether one of eight laws has left its segment."""
-    tolerance, value = broadcast(gap), load(argument, at)
-    above = greater(value, load(upper, at) + tolerance)
-    return any_true(logical_or(above, greater(load(lower, at) - tolerance, value)))
+    return count
 
 
 @compiled_part
@@ -452,29 +441,16 @@ def update_branches(run: Run, state: State, count: int, one_at_a_time: bool) -> 
     if count == 0 and any_not_finite(state.g):
         return NO_NUMBERS
     trial, limit, branches = work.trial, work.limit, state.friction
-    for first in range(0, trial.size, LANES):
-        if not _any_violated(trial, limit, branches, force, first):
-            continue
-        for friction in range(first, min(first + LANES, trial.size)):
-            positive_limit = max(limit[friction], 0.0)
-            branch = friction_state(trial[friction], positive_limit, branches[friction], force)
-            if branch != branches[friction]:
-                branches[friction] = branch
-                count = mark_row(work, count, table.friction_row[friction])
-                if one_at_a_time:
-                    return count
+    for friction in range(trial.size):
+        positive_limit = max(limit[friction], 0.0)
+        branch = friction_state(trial[friction], positive_limit, branches[friction], force)
+        if branch != branches[friction]:
+            branches[friction] = branch
+            count = mark_row(work, count, table.friction_row[friction])
+            if one_at_a_time:
+                return count
     return count
-
-
-@compiled_loop
-def _any_violated(
-    trials: Floats, limits: Floats, branches: Floats, tolerance: float, at: int
-) -> bool:
-    """Return whether one of eight frictions violates its branch by more than a force [N]."""
-    branch = load(branches, at)
-    return any_true(
-        branch_violated(load(trials, at), load(limits, at), branch, broadcast(tolerance))
-    )
+    return count
 
 
 @compiled_part
