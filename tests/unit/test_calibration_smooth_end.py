@@ -24,7 +24,13 @@ from turnout.calibration.comparison import predicted
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import Fit, brief_fit, fit
-from turnout.calibration.linearisation import REACH, plane_of, points_about, reaches_of
+from turnout.calibration.linearisation import (
+    REACH,
+    Differences,
+    plane_of,
+    points_about,
+    reaches_of,
+)
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.result_entries import distrust_reasons
 from turnout.calibration.stages import Parameter
@@ -99,17 +105,17 @@ def test_steps_to_and_fro_end_half_way(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_planes_without_an_end_lead_back_to_single_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, start = rough(seed=3), {**TRUE, "k": 0.985 * TRUE["k"]}
     near = brief_fit(whole, fit(whole, PARAMETERS, start, rough=True))
-    begun: list[Fit] = []
+    begun: list[dict[str, int]] = []
     by_planes = fit_module.smooth_end
 
     def first_without_an_end(found: Fit, first: Misfit, **most: int) -> Fit:
-        begun.append(found)
+        begun.append(most)
         return replace(by_planes(found, first, **most), converged=len(begun) > 1)
 
     monkeypatch.setattr(fit_module, "smooth_end", first_without_an_end)
     found = fit(whole, PARAMETERS, near.values, near=near)
     assert found.converged
-    assert [item.iterations > 0 for item in begun] == [False, True]
+    assert begun == [{"most": fit_module.FIRST_PASSES}, {}]
     assert abs(off(found)) < 2.6
 
 
@@ -211,7 +217,7 @@ def test_values_that_are_hardly_known_together_are_thrown_further_aside() -> Non
     np.testing.assert_allclose(own[:, 0], [3.0, 0.0], atol=1e-12)
     sides = [
         (np.log(point["mu"] / TRUE["mu"]), np.log(point["k"] / TRUE["k"]))
-        for point in points_about(TRUE, PARAMETERS, far)
+        for point in points_about(TRUE, PARAMETERS, far, range(4))
     ]
     shares = np.abs(np.linalg.solve(far, np.array(sides).T / REACH))
     assert shares.min() > 0.5
@@ -231,18 +237,60 @@ def test_a_known_slope_counts_less_than_throws_and_serves_where_there_are_none()
         found = aside[name].drive_force["1"] - middle.drive_force["1"]
         exact = wanted.drive_force["1"] - of(k, 1.0).drive_force["1"]
         np.testing.assert_allclose(found, exact, atol=0.01 * np.abs(exact).max())
-    wrong = {"k": (of(k, 2.0), of(k, 1.0), 1.0), **known}
-    _, moved = plane_of(steps, ["k", "step 2"], thrown, wrong)
-    away = moved["k"].drive_force["1"] - aside["k"].drive_force["1"]
-    share = 0.5 / (0.5 + float((steps[:, 0] ** 2).sum()))
-    assert np.abs(away).max() == pytest.approx(share * 1500.0, rel=0.02)
+    throws = float((steps[:, 0] ** 2).sum())
+    for far, counts in ((1.0, 0.5), (3.0, 4.5)):
+        wrong = {"k": (of(k, 1.0 + far), of(k, 1.0), far), **known}
+        _, moved = plane_of(steps, ["k", "step 2"], thrown, wrong)
+        away = moved["k"].drive_force["1"] - aside["k"].drive_force["1"]
+        share = counts / (counts + throws)
+        assert np.abs(away).max() == pytest.approx(share * 1500.0, rel=0.02)
+
+
+def test_what_is_rough_is_no_information_of_many_movements() -> None:
+    rng, far, count = np.random.default_rng(7), 3.0, 400
+    base = response(TRUE)
+
+    def noisy() -> Response:
+        row = rng.standard_normal(base.time.size)
+        return replace(base, drive_force={"1": row})
+
+    def excess(known: Differences) -> float:
+        """Return the mean square of slopes where there is nothing but noise of size 1."""
+        steps = np.array([[x] for x in (1.0, -1.0, 1.2, -1.2)])
+        middle, aside = plane_of(steps, ["k"], [noisy() for _ in steps], known)
+        return float(np.mean((aside["k"].drive_force["1"] - middle.drive_force["1"]) ** 2))
+
+    alone = np.mean([excess({}) for _ in range(count)])
+    both = np.mean([excess({"k": (noisy(), noisy(), far)}) for _ in range(count)])
+    assert alone == pytest.approx(1.0 / 4.88, rel=0.05)
+    assert both == pytest.approx(1.0 / (4.88 + 0.5 * far**2), rel=0.05)
+
+
+def test_a_far_start_is_left_by_single_throws_before_planes_are_thrown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole, begun = rough(seed=3), list[Fit]()
+    by_planes = fit_module.smooth_end
+
+    def listening(found: Fit, first: Misfit, **most: int) -> Fit:
+        begun.append(found)
+        return by_planes(found, first, **most)
+
+    monkeypatch.setattr(fit_module, "smooth_end", listening)
+    found = fit(whole, PARAMETERS, {**TRUE, "k": 0.985 * TRUE["k"]})
+    values = {**found.values, "k": 1.01 * found.values["k"]}
+    fit(whole, PARAMETERS, values, near=replace(found, values=values))
+    assert begun[-1].values["k"] == pytest.approx(TRUE["k"], rel=4e-3)
+    monkeypatch.setattr(fit_module, "FAR_DECREASE", np.inf)
+    fit(whole, PARAMETERS, values, near=replace(found, values=values))
+    assert begun[-1].values["k"] == values["k"]
 
 
 def test_a_plane_has_the_slopes_of_a_smooth_model_and_shares_throws_of_repeats() -> None:
     whole = misfit(alike(2, seed=1))
     whole.effects = {"mu": (0.0, 0.004)}
     plane, local = whole.smoothed(TRUE, ("k",), {}, np.eye(1)), whole.local(TRUE, ("k",))
-    assert whole.evaluator.made == (1 + 8) + (2 + 2)
+    assert whole.evaluator.made == (1 + 16) + (2 + 2)
     for one, other in zip(plane.simulated, local.simulated, strict=True):
         np.testing.assert_allclose(one.drive_force["1"], other.drive_force["1"], atol=0.05)
     for name in ("mu", "k"):

@@ -222,6 +222,9 @@ BRIEF_REJECTED = 4
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
 # step goes at most [reaches].
 SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 16, 0.3, 3, 10.0
+# The predicted decrease for each parameter from which on slopes of single throws are good enough
+# for a first step [square of a standard deviation]: what is rough hides 10 to 40 in all.
+FAR_DECREASE = 10.0
 # A step turns back where the cosine between what it and the one before change is below this [-].
 TURNED_BACK = -0.5
 # Planes from a brief fit before single throws lead on: right models come to their end in 4 to 7.
@@ -347,7 +350,7 @@ def fit(
     # Slopes that led near are of elsewhere: planes that they are part of would be too.
     with suppress(SolverError):
         slopes = misfit.local_near(values, [item.name for item in parameters], near.local)
-        found = replace(found, local=slopes)
+        found = _nearer(replace(found, local=slopes), first)
     found = smooth_end(found, first, most=FIRST_PASSES)
     if found.converged:
         return found
@@ -357,6 +360,20 @@ def fit(
             found.misfit, first, parameters, found.values, local=found.local, refined=refined
         )
     return found
+
+
+def _nearer(found: Fit, first: Misfit) -> Fit:
+    """Step by slopes from single throws where much more is to be had than what is rough hides."""
+    names, misfit, local = [p.name for p in found.parameters], found.misfit, found.local
+    frame = framed(local, misfit)
+    misfit = about_clock(misfit, frame)
+    r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
+    step, predicted_decrease = bounded_step(r, J, found.parameters, found.values, 0.0)
+    if predicted_decrease < FAR_DECREASE * len(names):
+        return found
+    wide = reaches_of(found.parameters, J, misfit.comparison.scatter)
+    found, effects = _stepped(replace(found, misfit=misfit), local, frame, step, wide)
+    return replace(found, misfit=replace(reestimate_noise(found, first), effects=effects))
 
 
 def _by_single_throws(
@@ -429,31 +446,11 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
         if _turns_back(J, before, step):
             gain = 0.5
         before, step = step, gain * step
-        # Beyond, planes are no longer those of the responses.
-        far = np.linalg.solve(REACH * wide, step)
-        step = step * min(1.0, SMOOTH_STEP / float(np.abs(far).max(initial=1e-9)))
-        effects = effects_after(misfit, local, frame, names, step)
-        values = {
-            **local.values,
-            **values_at(found.parameters, coordinates(found.parameters, values) + step),
-        }
-        local = local.moved(values, dict(zip(names, step, strict=True)))
         near = predicted_decrease < SMOOTH_DECREASE * len(names)
         message = "converged" if near else f"stopped after {number} planes before convergence"
-        frame = framed(local, misfit)
-        r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
-        found = replace(
-            found,
-            misfit=misfit,
-            values=values,
-            local=local,
-            frame=frame,
-            residuals=r,
-            jacobian=J,
-            iterations=found.iterations + 1,
-            message=message,
-            converged=near,
-        )
+        found, effects = _stepped(replace(found, misfit=misfit), local, frame, step, wide)
+        found = replace(found, message=message, converged=near)
+        values = found.values
         misfit.evaluator.step_made(found.rms)
         # Noise that is found again with each step may alternate, and so would the steps.
         again = reestimate_noise(found, first) if number <= SMOOTH_NOISES else misfit
@@ -461,6 +458,42 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
             break
         misfit = replace(again, effects=effects)
     return found
+
+
+def _stepped(
+    found: Fit, local: Linearisation, frame: Frame, step: Floats, reaches: Floats
+) -> tuple[Fit, dict[str, tuple[float, ...]]]:
+    """Take a step as slopes foretell it, of `SMOOTH_STEP` at most; with the movement effects then.
+
+    Parameters
+    ----------
+    found : Fit
+        With the misfit.
+    local, frame : Linearisation, Frame
+        Slopes at its values, and alignments there.
+    step : ndarray, shape (p,)
+        In coordinates.
+    reaches : ndarray, shape (p, p)
+        Of `reaches_of`.
+    """
+    names, misfit = [p.name for p in found.parameters], found.misfit
+    # Beyond, planes are no longer those of the responses.
+    far = np.linalg.solve(REACH * reaches, step)
+    step = step * min(1.0, SMOOTH_STEP / float(np.abs(far).max(initial=1e-9)))
+    effects = effects_after(misfit, local, frame, names, step)
+    point = coordinates(found.parameters, local.values) + step
+    values = {**local.values, **values_at(found.parameters, point)}
+    local = local.moved(values, dict(zip(names, step, strict=True)))
+    frame = framed(local, misfit)
+    return replace(
+        found,
+        values=values,
+        local=local,
+        frame=frame,
+        residuals=misfit.residuals_of(local.simulated, frame),
+        jacobian=jacobian(local, frame, names),
+        iterations=found.iterations + 1,
+    ), effects
 
 
 def _turns_back(J: Floats, before: Floats, step: Floats) -> bool:

@@ -1,6 +1,6 @@
 """Simulations about a point: there, and one step aside for each parameter; steps of a fit."""
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -13,6 +13,7 @@ from scipy.optimize import lsq_linear
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement, is_of_object
 from turnout.calibration.stages import (
+    JOINT_MOVEMENTS,
     Parameter,
     coordinates,
     prior_information,
@@ -42,11 +43,9 @@ SLOWER = 0.2
 # Throws for a plane are at least so far to all sides [coordinate], which is what instants of slips
 # change over, and otherwise so many deviations of the values, so many reaches at most.
 REACH, WIDE, WIDEST = 1e-3, 3.0, 60.0
-# Pairs of throws on opposite sides for the first plane at least and, where slopes are known, at
-# most; those of one near by; throws within so many reaches make a plane together.
-FEWEST_PAIRS, FIRST_PAIRS, MORE_PAIRS, NEAR_REACHES = 4, 8, 4, 3.0
-# Root of the weight of a known slope, which is from two throws, beside one throw [-].
-KNOWN_WEIGHT = 0.5**0.5
+# Pairs of throws on opposite sides for the first plane, more where slopes of as many parameters are
+# not known; those of one near by; throws within so many reaches make a plane together.
+FIRST_PAIRS, MORE_PAIRS, NEAR_REACHES = 8, 2, 3.0
 # The share of a difference that bounds must leave room for [-].
 LEAST_ROOM = 0.5
 # Longest step, a factor of 1.6 [coordinate].
@@ -224,15 +223,42 @@ def reaches_of(parameters: Sequence[Parameter], J: Floats, scattering: Container
     return np.asarray(V * far @ V.T + np.diag(own))
 
 
+def pairs_wanted(parameters: int, planes: int, *, near: int, known: bool) -> int:
+    """Return the pairs of throws that a plane takes, beside those that are near by.
+
+    What is rough differs from movement to movement: more than `JOINT_MOVEMENTS` average it with
+    half of the throws each.
+
+    Parameters
+    ----------
+    parameters, planes : int
+        How many differ in a throw, and how many movements have a plane of their own.
+    near : int
+        Pairs that are near by already.
+    known : bool
+        Whether slopes are known: then the first plane wants no pairs for all of them.
+
+    Examples
+    --------
+    >>> [pairs_wanted(16, planes, near=0, known=True) for planes in (14, 77)]
+    [8, 4]
+    >>> pairs_wanted(16, 14, near=0, known=False), pairs_wanted(16, 14, near=8, known=True)
+    (16, 2)
+    """
+    if near:
+        return MORE_PAIRS
+    if not known:
+        return len(orthogonal_signs(parameters))
+    return FIRST_PAIRS if planes <= JOINT_MOVEMENTS else FIRST_PAIRS // 2
+
+
 def points_about(
     values: Mapping[str, float],
     parameters: Sequence[Parameter],
     reaches: Floats,
-    *,
-    thrown: int = 0,
-    known: bool = False,
+    pairs: Iterable[int],
 ) -> list[dict[str, float]]:
-    """Return values on all sides of others, at several distances, in which all parameters differ.
+    """Return values on both sides of others, at several distances, in which all parameters differ.
 
     What is rough over a part of the distance then differs from throw to throw.
 
@@ -244,16 +270,13 @@ def points_about(
         The p that differ.
     reaches : ndarray, shape (p, p)
         Of `reaches_of`.
-    thrown : int
-        Pairs that are near by already: the next ones in turn follow, `MORE_PAIRS` of them.
-    known : bool
-        Whether slopes are known: then the first plane wants no pairs for all of them.
+    pairs : iterable of int
+        Numbers of pairs, taken in turn.
     """
     count = len(parameters)
     half = orthogonal_signs(count)
     far = 0.5 + (np.arange(len(half)) + 0.5) / len(half)
-    most = MORE_PAIRS if thrown else min(len(half), FIRST_PAIRS if known else len(half))
-    rows = (half[:, :count] * far[:, None])[(thrown + np.arange(most)) % len(half)] @ reaches
+    rows = (half[:, :count] * far[:, None])[np.array([*pairs]) % len(half)] @ reaches
     return [
         {
             **values,
@@ -271,8 +294,10 @@ def plane_of(
 ) -> Plane:
     """Return the plane nearest to responses: in the middle, and one reach aside by name.
 
-    A known slope counts as one from two throws a reach apart, whose level does not count: a plane
-    of many parameters wants no throws for all its slopes at once.
+    A known slope counts as the two throws that it is from, whose level does not count: over
+    some reaches it is surer than what a few throws about the middle say of it, and a slope of what
+    is rough would count as information. A plane of many parameters then wants no throws for all its
+    slopes at once.
 
     Parameters
     ----------
@@ -288,10 +313,11 @@ def plane_of(
     own = [(names.index(name), *item) for name, item in known.items()]
     rows = np.zeros((len(steps) + len(own), 1 + len(names)))
     rows[: len(steps)] = np.column_stack([np.ones(len(steps)), steps])
-    for row, (number, *_) in zip(rows[len(steps) :], own, strict=True):
-        row[1 + number] = KNOWN_WEIGHT
+    # The difference of two throws has twice the variance of one.
+    for row, (number, *_, far) in zip(rows[len(steps) :], own, strict=True):
+        row[1 + number] = far * 0.5**0.5
     weights = np.linalg.pinv(rows)
-    of_known = weights[:, len(steps) :] * [KNOWN_WEIGHT / far for *_, far in own]
+    of_known = weights[:, len(steps) :] * 0.5**0.5
     weights = np.hstack([weights[:, : len(steps)], of_known, -of_known])
     thrown = [*responses, *(item[1] for item in own), *(item[2] for item in own)]
     return combined(thrown, weights[0]), {
@@ -320,10 +346,10 @@ def orthogonal_signs(count: int) -> Floats:
 
     Examples
     --------
-    >>> [orthogonal_signs(count).shape for count in (2, 8)]
-    [(4, 4), (8, 8)]
+    >>> [orthogonal_signs(count).shape for count in (2, 9)]
+    [(8, 8), (16, 16)]
     """
-    return np.asarray(hadamard(1 << (max(FEWEST_PAIRS, count) - 1).bit_length()), dtype=np.float64)
+    return np.asarray(hadamard(1 << (max(FIRST_PAIRS, count) - 1).bit_length()), dtype=np.float64)
 
 
 def leaders_of(

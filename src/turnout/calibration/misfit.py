@@ -22,6 +22,7 @@ from turnout.calibration.linearisation import (
     difference_of,
     leaders_of,
     moved_aside,
+    pairs_wanted,
     plane_of,
     points_about,
     stepped_value,
@@ -376,11 +377,14 @@ class Misfit:
     ) -> dict[int, Plane]:
         """Throw movements on all sides of values, and return the plane of each."""
         jobs: list[tuple[int, Mapping[str, float]]] = []
-        for n, some in acting.items():
+        for place, (n, some) in enumerate(acting.items()):
             count = len(_near(thrown[n], own[n], some, far[n])[0])
             enough = count + len(slopes[n]) > len(some) + 1
             pairs, known = count // 2 if enough else 0, len(slopes[n]) == len(some)
-            jobs += [(n, x) for x in points_about(whole, some, far[n], thrown=pairs, known=known)]
+            more = pairs_wanted(len(some), len(acting), near=pairs, known=known)
+            # Each movement begins with another pair, so that all of them take all signs.
+            numbers = range(place + pairs, place + pairs + more)
+            jobs += [(n, x) for x in points_about(whole, some, far[n], numbers)]
         self._throw_into(thrown, jobs)
         planes = {}
         for n, some in acting.items():
