@@ -53,6 +53,9 @@ LEVEL_SCATTER = 0.05
 # Low-passes of a recorder that are tried, and the time below which there is none [s].
 RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))
 LEAST_DELAY = 1e-5
+# Interval between samples of a recorder of which only a filter or a mean is looked for: usual,
+# longest, and below which it is not said [s].
+USUAL_INTERVAL, LONGEST_INTERVAL, LEAST_LINES = 0.02, 0.1, 0.015
 # Of an over-travel that differs [m].
 LEAST_OVER_TRAVEL = 5e-5
 # What names of cross-talk begin with: in the gauges of a drive, of another.
@@ -127,8 +130,8 @@ class Cause:
         return self.parameters if self.smooth else self.parameters[:1]
 
     def sizes_in(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """Return its sizes from the values of a fit by name."""
-        return tuple(values[item.name] for item in self.parameters)
+        """Return its sizes from the values of a fit by name; one of none as at its start."""
+        return tuple(values.get(item.name, item.start) for item in self.parameters)
 
     def is_slight(self, sizes: Sequence[float]) -> bool:
         """Return whether all of its sizes are too small for it to be one."""
@@ -214,26 +217,15 @@ def _linear(
 
 
 def _recorders() -> list[Cause]:
-    """Return filters of a recorder, each with its delay as size."""
+    """Return what recorders do, each with its delay as size, and lines between samples beside."""
     average = _recorder_cause(
-        "recorder.average",
-        lambda size: Recorder(average=size),
-        lambda made: (
-            f"averages over {made.average:.3g} s; state it in the channel map as "
-            f'recorded_average = "{made.average:.3g} s"'
-        ),
-        tries=(0.03, 0.1, 0.25),
-        least=5e-3,
+        "recorder.average", lambda size: Recorder(average=size), tries=(0.03, 0.1, 0.25), least=5e-3
     )
     filters = [
         _recorder_cause(
             f"recorder.{kind}" if number < 2 else f"recorder.{kind}.{order}",
             lambda size, kind=kind, order=order: Recorder(  # type: ignore[misc]
                 low_pass=LowPass(kind=kind, order=order, corner=1.0 / (2.0 * np.pi * size))
-            ),
-            lambda made: (
-                f"filters with {made.text}; state it in the channel map as "
-                f"recorded_filter = {made.low_pass.text if made.low_pass else ''}"
             ),
             tries=(0.01, 0.035, 0.1),
             least=2e-3,
@@ -243,42 +235,56 @@ def _recorders() -> list[Cause]:
     sampling = _recorder_cause(
         "recorder.interval",
         lambda size: Recorder(rate=1.0 / size),
-        lambda made: (
-            f"takes {made.rate:.3g} samples a second, and the file holds lines between them; state "
-            f'it in the channel map as recorded_rate = "{made.rate:.3g} Hz"'
-        ),
         tries=(0.03, 0.06, 0.15),
-        least=0.015,
+        least=LEAST_LINES,
     )
     return [average, *filters, sampling]
 
 
 def _recorder_cause(
-    key: str,
-    made: Callable[[float], Recorder],
-    text: Callable[[Recorder], str],
-    *,
-    tries: tuple[float, ...],
-    least: float,
+    key: str, made: Callable[[float], Recorder], *, tries: tuple[float, ...], least: float
 ) -> Cause:
+    """Return a recorder of one kind, which samples at a rate that is not known either.
+
+    Lines between samples smooth forces by the square of the interval, to first order.
+    """
+    sampled = bool(made(tries[0]).rate)
+    lines = _linear(f"{key}.lines", LONGEST_INTERVAL**2, "s^2", prior=USUAL_INTERVAL**2)
+
+    def recorder(size: float, square: float) -> Recorder:
+        kept = made(max(size, LEAST_DELAY))
+        return replace(kept, rate=square**-0.5) if square > 0.0 else kept
+
+    def text(sizes: Sequence[float]) -> str:
+        square = sum(size for size in sizes[1:] if size > LEAST_LINES**2)
+        seen = recorder(sizes[0], square)
+        told = replace(seen, average=_rounded(seen.average), rate=_rounded(seen.rate))
+        how = " and ".join(told.map_lines())
+        return f"the recorder has {told.text}; state it in the channel map as {how}"
+
     def shape(response: Response, values: Mapping[str, float]) -> Response:
         if response.failure or values[key] <= LEAST_DELAY:
             return response
-        kept, time = made(values[key]), response.time
+        # Of calibrations before, the rate was known.
+        kept, time = recorder(values[key], values.get(lines.name, 0.0)), response.time
         forces = {name: kept.applied(time, row) for name, row in response.drive_force.items()}
         pressed = kept.applied(time, response.object_force)
         return replace(response, drive_force=forces, object_force=pressed)
 
     return Cause(
         name="recorder filter",
-        text=lambda sizes: f"the recorder {text(made(max(sizes[0], LEAST_DELAY)))}",
-        parameters=(_linear(key, 0.5, "s"),),
+        text=text,
+        parameters=(_linear(key, 0.5, "s"), *(() if sampled else (lines,))),
         tries=tries,
         least=least,
         group="recorder",
         refined=True,
         shape=shape,
     )
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
 
 
 def _cross_talk(panel: LoadedPanel) -> list[Cause]:
@@ -597,7 +603,7 @@ def fitted_causes(panel: LoadedPanel, parameters: Sequence[Fitted]) -> tuple[Cau
     return tuple(
         cause
         for cause in candidate_causes(panel, planned)
-        if cause.parameters and all(item.name in sizes for item in cause.parameters)
+        if cause.parameters and all(item.name in sizes for item in cause.sized)
     )
 
 

@@ -182,7 +182,7 @@ def cause_trials(
                 linear.append((cause, np.column_stack(columns) * _shares_of(cause)))
             continue
         trial, best = _tried(found, cause, misfit, origin)
-        gain = plain - best - max(len(cause.parameters), 1) * float(np.log(samples))
+        gain = plain - best - max(len(cause.sized), 1) * float(np.log(samples))
         single.append([replace(trial, gain=gain)])
     chosen = _chosen_together(r, J, linear, samples=samples, most=most, decisive=decisive)
     return sorted([*chosen, *single], key=lambda choice: -sum(item.gain for item in choice))
@@ -216,8 +216,8 @@ def _tried(
     results = [(_judged(found, misfit, row), number) for number, row in enumerate(rows)]
     best, number = min(results, default=(float("inf"), 0))
     if cause.refined and np.isfinite(best):
-        sizes, best = _refined(found, misfit, cause, number, best)
-        return replace(trials[number], sizes=sizes), best
+        size, best = _refined(found, misfit, cause, number, best)
+        return replace(trials[number], sizes=(size, *others)), best
     return trials[number], best
 
 
@@ -232,9 +232,9 @@ def _judged(found: Fit, misfit: Misfit, row: Sequence[Response]) -> float:
 
 def _refined(
     found: Fit, misfit: Misfit, cause: Cause, number: int, best: float
-) -> tuple[tuple[float, ...], float]:
+) -> tuple[float, float]:
     """Return the likeliest size about one that was tried, and what `_judged` says of it."""
-    (parameter,) = cause.parameters
+    parameter = cause.parameters[0]
     tries = (0.5 * cause.tries[0], *cause.tries, min(2.0 * cause.tries[-1], parameter.upper))
 
     def cost(size: float) -> float:
@@ -248,8 +248,8 @@ def _refined(
         options={"maxiter": REFINING_STEPS, "xatol": 0.02},
     )
     if near.fun < best:
-        return (float(np.exp(near.x)),), float(near.fun)
-    return (cause.tries[number],), best
+        return float(np.exp(near.x)), float(near.fun)
+    return cause.tries[number], best
 
 
 def _steps_of(cause: Cause, values: Mapping[str, float]) -> list[dict[str, float]]:

@@ -31,6 +31,7 @@ from turnout.calibration.fit import Fit, brief_fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.sensors import (
+    LEAVES_PRIOR,
     FoundSensor,
     common_lead,
     found_sensors,
@@ -38,6 +39,7 @@ from turnout.calibration.sensors import (
     needs_lead,
 )
 from turnout.calibration.shared import CLOCK, missing_more, model_error
+from turnout.calibration.stages import coordinates, prior_residuals
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.panel.load import LoadedPanel
@@ -403,8 +405,9 @@ def _fitted_choices(
 
     None is fitted after one that leaves nothing to look for, unless that is as likely to first
     order. Of causes much alike the others are fitted too where the one that was is at its bound,
-    which is another (a bushing without stiffness is play), leaves something, or needs a lead of the
-    motors, as those do that delay forces less than the right one.
+    which is another (a bushing without stiffness is play), has a size that nobody would expect,
+    leaves something, or needs a lead of the motors, as those do that delay forces less than the
+    right one.
     """
     least = evidence(found, ())
     fitted: list[FittedChoice] = []
@@ -431,8 +434,9 @@ def _fitted_choices(
     if not fitted or not fitted[0].choice[0].cause.group:
         return fitted
     best, taken = fitted[0].found, fitted[0].choice[0].cause
-    bound = any(item.at_bound(best.values[item.name]) for item in taken.parameters)
-    doubted = bound or needs_lead(best)
+    bound = any(item.at_bound(best.values[item.name]) for item in taken.sized)
+    away = prior_residuals(taken.parameters, coordinates(taken.parameters, best.values))
+    doubted = bound or needs_lead(best) or bool(np.abs(away).max() > LEAVES_PRIOR)
     for choice in choices:
         cause = choice[0].cause
         if len(choice) > 1 or cause is taken or cause.group != taken.group or is_spent():
