@@ -364,15 +364,11 @@ def fit(
 
 def _nearer(found: Fit, first: Misfit) -> Fit:
     """Step by slopes from single throws where much more is to be had than what is rough hides."""
-    names, misfit, local = [p.name for p in found.parameters], found.misfit, found.local
-    frame = framed(local, misfit)
-    misfit = about_clock(misfit, frame)
-    r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
-    step, predicted_decrease = bounded_step(r, J, found.parameters, found.values, 0.0)
-    if predicted_decrease < FAR_DECREASE * len(names):
+    found = _at(found, found.local)
+    step, predicted_decrease = _newton_step(found)
+    if predicted_decrease < FAR_DECREASE * len(found.parameters):
         return found
-    wide = reaches_of(found.parameters, J, misfit.comparison.scatter)
-    found, effects = _stepped(replace(found, misfit=misfit), local, frame, step, wide)
+    found, effects = _stepped(found, step, _reaches(found))
     return replace(found, misfit=replace(reestimate_noise(found, first), effects=effects))
 
 
@@ -428,72 +424,69 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
     Fit
         Not converged where planes come to no end, or a throw of them cannot be simulated.
     """
-    names, misfit, values = [p.name for p in found.parameters], found.misfit, found.values
-    known, J = found.local, found.jacobian
+    names, known, misfit = [p.name for p in found.parameters], found.local, found.misfit
     thrown, gain, before = dict[int, Thrown](), 1.0, np.zeros(len(names))
     for number in range(1, 1 + (SMOOTH_PASSES if most is None else most)):
         try:
-            wide = reaches_of(found.parameters, J, misfit.comparison.scatter)
-            local = misfit.smoothed(values, names, thrown, wide, known)
+            wide = _reaches(replace(found, misfit=misfit))
+            local = misfit.smoothed(found.values, names, thrown, wide, known)
         except SolverError as error:
             message = f"stopped before planes through throws on all sides of its values: {error}"
             return replace(found, message=message, converged=False)
-        frame = framed(local, misfit)
-        misfit = about_clock(misfit, frame)
-        r, J = misfit.residuals_of(local.simulated, frame), jacobian(local, frame, names)
-        step, predicted_decrease = bounded_step(r, J, found.parameters, values, 0.0)
+        found = _at(replace(found, misfit=misfit), local)
+        step, predicted_decrease = _newton_step(found)
         # Steps to and fro, as slopes that are too small make them, have their end half-way.
-        if _turns_back(J, before, step):
+        if _turns_back(found.jacobian, before, step):
             gain = 0.5
         before, step = step, gain * step
         near = predicted_decrease < SMOOTH_DECREASE * len(names)
         message = "converged" if near else f"stopped after {number} planes before convergence"
-        found, effects = _stepped(replace(found, misfit=misfit), local, frame, step, wide)
-        found = replace(found, message=message, converged=near)
-        values = found.values
-        misfit.evaluator.step_made(found.rms)
+        found, effects = _stepped(replace(found, message=message, converged=near), step, wide)
+        found.misfit.evaluator.step_made(found.rms)
         # Noise that is found again with each step may alternate, and so would the steps.
-        again = reestimate_noise(found, first) if number <= SMOOTH_NOISES else misfit
-        if near and same_noise(misfit, again):
+        again = reestimate_noise(found, first) if number <= SMOOTH_NOISES else found.misfit
+        if near and same_noise(found.misfit, again):
             break
         misfit = replace(again, effects=effects)
     return found
 
 
-def _stepped(
-    found: Fit, local: Linearisation, frame: Frame, step: Floats, reaches: Floats
-) -> tuple[Fit, dict[str, tuple[float, ...]]]:
-    """Take a step as slopes foretell it, of `SMOOTH_STEP` at most; with the movement effects then.
-
-    Parameters
-    ----------
-    found : Fit
-        With the misfit.
-    local, frame : Linearisation, Frame
-        Slopes at its values, and alignments there.
-    step : ndarray, shape (p,)
-        In coordinates.
-    reaches : ndarray, shape (p, p)
-        Of `reaches_of`.
-    """
-    names, misfit = [p.name for p in found.parameters], found.misfit
-    # Beyond, planes are no longer those of the responses.
-    far = np.linalg.solve(REACH * reaches, step)
-    step = step * min(1.0, SMOOTH_STEP / float(np.abs(far).max(initial=1e-9)))
-    effects = effects_after(misfit, local, frame, names, step)
-    point = coordinates(found.parameters, local.values) + step
-    values = {**local.values, **values_at(found.parameters, point)}
-    local = local.moved(values, dict(zip(names, step, strict=True)))
-    frame = framed(local, misfit)
+def _at(found: Fit, local: Linearisation) -> Fit:
+    """Return a fit at a linearisation, its clock where that shows it."""
+    frame = framed(local, found.misfit)
+    misfit = about_clock(found.misfit, frame)
     return replace(
         found,
-        values=values,
+        misfit=misfit,
+        values=local.values,
         local=local,
         frame=frame,
         residuals=misfit.residuals_of(local.simulated, frame),
-        jacobian=jacobian(local, frame, names),
-        iterations=found.iterations + 1,
-    ), effects
+        jacobian=jacobian(local, frame, [p.name for p in found.parameters]),
+    )
+
+
+def _newton_step(found: Fit) -> tuple[Floats, float]:
+    return bounded_step(found.residuals, found.jacobian, found.parameters, found.values, 0.0)
+
+
+def _reaches(found: Fit) -> Floats:
+    return reaches_of(found.parameters, found.jacobian, found.misfit.comparison.scatter)
+
+
+def _stepped(found: Fit, step: Floats, reaches: Floats) -> tuple[Fit, dict[str, tuple[float, ...]]]:
+    """Take a step as slopes foretell it, of `SMOOTH_STEP` at most; with the movement effects then.
+
+    `step` is in coordinates, `reaches` as of `reaches_of`.
+    """
+    names = [p.name for p in found.parameters]
+    # Beyond, planes are no longer those of the responses.
+    far = np.linalg.solve(REACH * reaches, step)
+    step = step * min(1.0, SMOOTH_STEP / float(np.abs(far).max(initial=1e-9)))
+    effects = effects_after(found.misfit, found.local, found.frame, names, step)
+    values = {**found.values, **values_at(found.parameters, found.point + step)}
+    local = found.local.moved(values, dict(zip(names, step, strict=True)))
+    return replace(_at(found, local), iterations=found.iterations + 1), effects
 
 
 def _turns_back(J: Floats, before: Floats, step: Floats) -> bool:
