@@ -135,6 +135,7 @@ class _Own:
     def __init__(self) -> None:
         self.compiled: dict[tuple[str, ...], CompiledKeys | None] = {}
         self.digests: dict[frozenset[tuple[str, str]], str] = {}
+        self.parts: dict[frozenset[tuple[str, str]], dict[str, str]] = {}
         self.reads: dict[str, frozenset[tuple[str, str]]] = {}
 
     def __deepcopy__(self, memo: object) -> "_Own":
@@ -331,19 +332,32 @@ class LoadedPanel(Panel):
         str
             The same for all panels that differ in these alone.
         """
-        if self._base is not None and all(
-            field in fields or (field[0], "") in fields for field in self._differs
-        ):
+        if self._base is not None and not self._differing(fields):
             return self._base.digest_without(fields)
         known = self._own.digests
         if fields not in known:
-            values = {
-                name: _plain(name, getattr(self, name), fields)
-                for name in _HASHED
-                if (name, "") not in fields
-            }
             matrices = {f"matrices of {name}": m.digest for name, m in self.matrices.items()}
-            known[fields] = content_hash(values | matrices)
+            known[fields] = content_hash(self._digests_without(fields) | matrices)
+        return known[fields]
+
+    def _differing(self, fields: frozenset[tuple[str, str]]) -> set[str]:
+        """Return the parts of which more than some fields differ from the panel it was made of."""
+        return {part for part, field in self._differs if not {(part, field), (part, "")} & fields}
+
+    def _digests_without(self, fields: frozenset[tuple[str, str]]) -> dict[str, str]:
+        """Return digests of all parts, those of unchanged parts from the panel before.
+
+        A panel has hundreds of members, and a throw of a sweep changes some of few.
+        """
+        known = self._own.parts
+        if fields not in known:
+            base = {} if self._base is None else self._base._digests_without(fields)
+            anew = self._differing(fields) if base else {*_HASHED}
+            known[fields] = base | {
+                name: content_hash(_plain(name, getattr(self, name), fields))
+                for name in _HASHED
+                if name in anew and (name, "") not in fields
+            }
         return known[fields]
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
