@@ -249,9 +249,10 @@ def measured_kinds(panel: str, *, batches: int) -> dict[str, dict[str, float]]:
     found = {}
     for kind in KINDS:
         time = statistics.median(turn[kind]["all"] for turn in turns)
-        ratio = statistics.median(turn[kind]["all"] / turn["million"]["all"] for turn in turns)
+        ratios = [turn[kind]["all"] / turn["million"]["all"] for turn in turns]
         solver = statistics.median(turn[kind]["solver"] for turn in turns)
-        found[kind] = {"all": time, "ratio": ratio, "solver": solver}
+        found[kind] = {"all": time, "ratio": statistics.median(ratios), "solver": solver}
+        found[kind] |= {"least": min(ratios), "largest": max(ratios)}
     return found
 
 
@@ -259,7 +260,7 @@ def section_of_kinds(found: dict[str, dict[str, dict[str, float]]]) -> str:
     """Return the section of all kinds of variables, by panel."""
     rows = [
         f"| {panel} | {kind} | {1e3 * item['all']:.1f} | {1e3 * item['solver']:.1f} | "
-        f"{item['ratio']:.2f} |"
+        f"{item['ratio']:.2f} ({item['least']:.2f} to {item['largest']:.2f}) |"
         for panel, kinds in found.items()
         for kind, item in kinds.items()
     ]
@@ -267,7 +268,8 @@ def section_of_kinds(found: dict[str, dict[str, dict[str, float]]]) -> str:
         [
             f"Written by `python -m benchmarks.sweep_rate --kinds` on {machine()}, at a",
             f"load of {load():.1f}. Processor time of one thread a throw in mode quick, batches",
-            "made and compressed; studies of one panel in turns; the ratio is their median.",
+            "made and compressed; studies of one panel in turns; the ratio is their median",
+            "(least to largest).",
             "Half of a throw of the million are its steps, which no variable changes much. Places",
             "between nodes add a row to rails that are condensed; sections and fastenings have",
             "modes, flexibilities and gaps of their own; machines are stepped beside their rails,",
