@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import ResponseError
@@ -32,12 +33,14 @@ from turnout.panel.load import LoadedPanel
 from turnout.panel.markers import marker_offsets, marker_positions
 from turnout.panel.model import Panel
 from turnout.solver.condense import condense
-from turnout.solver.modal import ModalModel, free_model
+from turnout.solver.modal import ModalModel
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 MOTIONS = ("lateral", "vertical", "torsion", "along")
+RIGID = 1e-12
+"""Eigenvalues below this share of the largest belong to rigid-body modes [-]."""
 HEAD_HEIGHT = 0.1
 """Height above the foot at which the motion of a turning rail is evaluated as well [m]."""
 
@@ -253,6 +256,41 @@ def _rail_systems(mechanism: Mechanism, data: list[RailData], count: int) -> Ite
             if chairs:
                 title += f", {name}"
             yield _system(title, (number,), model, np.zeros((0, 0)), count)
+
+
+def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
+    """Return all modes of a free body; it has no rows and no load.
+
+    Parameters
+    ----------
+    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
+        Symmetric; the mass positive definite.
+
+    Returns
+    -------
+    ModalModel
+        The eigenvalue of a rigid-body mode is zero.
+
+    Examples
+    --------
+    >>> spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    >>> free_model(spring, np.eye(2), damping=0 * spring).eigenvalues.round(9).tolist()
+    [0.0, 2.0]
+    """
+    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
+    eigenvalues[eigenvalues < RIGID * eigenvalues[-1]] = 0.0
+    none = np.zeros((0, eigenvalues.size))
+    return ModalModel(
+        stiffness=np.diag(eigenvalues),
+        damping=shapes.T @ damping @ shapes,
+        modes=shapes,
+        row_modes=none,
+        flexibility=np.zeros((0, 0)),
+        residual_shapes=np.zeros((eigenvalues.size, 0)),
+        load=np.zeros(eigenvalues.size),
+        residual_load=np.zeros(eigenvalues.size),
+        row_load=np.zeros(0),
+    )
 
 
 def _panel_systems(panel: Panel, mechanism: Mechanism, count: int) -> Iterator[_System]:

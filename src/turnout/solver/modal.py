@@ -28,8 +28,6 @@ from turnout.core.threads import one_blas_thread
 Floats = NDArray[np.float64]
 Rows = Floats | sp.csr_array
 
-RIGID = 1e-12
-"""Eigenvalues below this share of the largest belong to rigid-body modes [-]."""
 NEGATIVE = 1e-10
 """A damping below minus this share of the largest is more than rounding [-]."""
 
@@ -385,38 +383,3 @@ def _multiply_by_rows(a: Floats, b: Floats) -> Floats:
     """Return ``a @ b.T`` summed entry by entry: one more row changes no bit of the others."""
     found: Floats = np.einsum("ik,jk->ij", np.ascontiguousarray(a), np.ascontiguousarray(b))
     return found
-
-
-def free_model(stiffness: Floats, mass: Floats, *, damping: Floats) -> ModalModel:
-    """Return all modes of a free body; it has no rows and no load.
-
-    Parameters
-    ----------
-    stiffness, mass, damping : ndarray, shape (n_dof, n_dof)
-        Symmetric; the mass positive definite.
-
-    Returns
-    -------
-    ModalModel
-        The eigenvalue of a rigid-body mode is zero.
-
-    Examples
-    --------
-    >>> spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    >>> free_model(spring, np.eye(2), damping=0 * spring).eigenvalues.round(9).tolist()
-    [0.0, 2.0]
-    """
-    eigenvalues, shapes = eigh(stiffness, mass, check_finite=True)
-    eigenvalues[eigenvalues < RIGID * eigenvalues[-1]] = 0.0
-    none = np.zeros((0, eigenvalues.size))
-    return ModalModel(
-        stiffness=np.diag(eigenvalues),
-        damping=shapes.T @ damping @ shapes,
-        modes=shapes,
-        row_modes=none,
-        flexibility=np.zeros((0, 0)),
-        residual_shapes=np.zeros((eigenvalues.size, 0)),
-        load=np.zeros(eigenvalues.size),
-        residual_load=np.zeros(eigenvalues.size),
-        row_load=np.zeros(0),
-    )
