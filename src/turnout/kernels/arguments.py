@@ -18,7 +18,6 @@ from turnout.kernels.shared_record import SharedRecord, address_of
 
 NUMBER, WHOLE, LOGICAL, NOTHING = "float", "int", "bool", "none"
 ARRAY, TUPLE = "array", "tuple"
-PLAIN = {float: NUMBER, int: WHOLE, bool: LOGICAL}
 C_CONTIGUOUS, F_CONTIGUOUS, ALIGNED, WRITEABLE = 0x1, 0x2, 0x100, 0x400
 """As NumPy numbers them in its flags."""
 Kind = Any
@@ -62,15 +61,10 @@ def add_argument(value: Any, words: list[Any], kinds: list[Kind]) -> None:
         words.append(int(value))
         kinds.append(LOGICAL)
     elif isinstance(value, tuple):
-        plain = _plain_kind(kind, tuple(map(type, value)))
-        if plain is not None:
-            words += value
-            kinds.append(plain)
-            return
         inner: list[Kind] = []
         for item in value:
             add_argument(item, words, inner)
-        kinds.append(_tuple_kind(kind, inner))
+        kinds.append((TUPLE, kind if hasattr(kind, "_fields") else None, *inner))
     elif isinstance(value, int | np.integer):
         words.append(int(value))
         kinds.append(WHOLE)
@@ -90,18 +84,6 @@ def _array_kind(dtype: np.dtype[Any], ndim: int, flags: int) -> Kind:
         raise TypeError(msg)
     order = "C" if flags & C_CONTIGUOUS else "F" if flags & F_CONTIGUOUS else "A"
     return (ARRAY, dtype.str, ndim, order, bool(flags & WRITEABLE))
-
-
-@cache
-def _plain_kind(of: type, types: tuple[type, ...]) -> Kind:
-    """Return the kind of a tuple of nothing but numbers of Python, whose words these are."""
-    if not PLAIN.keys() >= set(types):
-        return None
-    return _tuple_kind(of, [PLAIN[one] for one in types])
-
-
-def _tuple_kind(of: type, inner: Sequence[Kind]) -> Kind:
-    return (TUPLE, of if hasattr(of, "_fields") else None, *inner)
 
 
 def struct_format(kinds: Sequence[Kind]) -> str:

@@ -35,6 +35,7 @@ from turnout.kernels.machine_code import (
     MachineCode,
     built_file,
     name_lapack,
+    target_machine,
 )
 from turnout.kernels.record_code import record_type
 from turnout.kernels.shared_record import RecordKind
@@ -56,11 +57,8 @@ _VARIABLE = re.compile(r'^(@"?_?Py\w*"?) = external (.*global) ([^,\n]*)')
 
 def _machine(processor: str, features: str) -> Any:
     """Return a machine that makes code for a processor."""
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    return binding.Target.from_default_triple().create_target_machine(
-        cpu=processor, features=features, opt=3, jit=True, codemodel="jitdefault"
-    )
+    made_for = {"cpu": processor, "features": features}
+    return target_machine(**made_for, opt=3, codemodel="jitdefault")
 
 
 @cache

@@ -133,16 +133,16 @@ def load_entry(code: MachineCode, entry: str) -> int:
     return address
 
 
-@cache
-def _machine() -> Any:
+def target_machine(**options: Any) -> Any:
+    """Return a machine that makes or loads code in this process."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
-    return binding.Target.from_default_triple().create_target_machine(jit=True)
+    return binding.Target.from_default_triple().create_target_machine(jit=True, **options)
 
 
 @cache
 def _engine() -> Any:
-    return binding.create_mcjit_compiler(binding.parse_assembly(""), _machine())
+    return binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
 
 
 @cache
