@@ -221,6 +221,20 @@ class LawTableBuilder:
         )
 
 
+def segments_at(table: LawTable, law: int, e: Floats | float) -> Ints:
+    """Return the places in the table of the segments that hold arguments of a law.
+
+    Examples
+    --------
+    >>> builder = LawTableBuilder()
+    >>> law = builder.add_contact(0, stiffness=2.0, clearance=0.5)
+    >>> segments_at(builder.table(), law, np.array([0.0, 1.0])).tolist()
+    [0, 1]
+    """
+    first, end = table.segment_start[law], table.segment_start[law + 1]
+    return np.asarray(first + np.searchsorted(table.segment_upper[first : end - 1], e))
+
+
 def _joined(first: LawTable, second: LawTable) -> SharedTableParts:
     """Return the common parts of two joined tables and of such tables of other values."""
     starts = (first.segment_start, second.segment_start[1:] + first.segment_start[-1])

@@ -104,6 +104,22 @@ def evaluate_deviation(run: Run, state: State, row: int, slopes: Floats) -> floa
 
 
 @compiled
+def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
+    """Return the scalar product of the changed entries of a row with a column."""
+    total = 0.0
+    for k in range(change.size):
+        total += change[k] * column[at[k]]
+    return total
+
+
+@compiled
+def force_from(system: System, state: State, row: int, column: Floats) -> float:
+    """Return the force of the deviation of a row by a column of its block [N]."""
+    first, last = system.pattern_start[row], system.pattern_start[row + 1]
+    return _dot_pattern(state.entries[first:last], system.pattern_at[first:last], column)
+
+
+@compiled
 def activate(run: Run, state: State, end: int, row: int, weights: Floats) -> int:
     """Assemble the column of an end that becomes active; return its slot.
 
@@ -120,8 +136,7 @@ def activate(run: Run, state: State, end: int, row: int, weights: Floats) -> int
     for other in range(first, slot):
         other_row, weight = state.row_of_slot[other], 0.0
         if system.row_ends[other_row, 1] < 0:
-            for k in range(system.pattern_start[other_row], system.pattern_start[other_row + 1]):
-                weight += state.entries[k] * base[system.pattern_at[k]]
+            weight = force_from(system, state, other_row, base)
         weights[other - first] = weight
     sum_weighted_rows(base, weights[: slot - first], state.columns[first:slot], column)
     state.end_of_slot[slot] = end
@@ -190,15 +205,6 @@ def update_row(run: Run, state: State, row: int) -> None:
         shift_constant(run, state, end, shift_change)
     if vanished:
         deactivate(run, state, end)
-
-
-@compiled
-def _dot_pattern(change: Floats, at: Ints, column: Floats) -> float:
-    """Return the scalar product of the changed entries of a row with a column."""
-    total = 0.0
-    for k in range(change.size):
-        total += change[k] * column[at[k]]
-    return total
 
 
 @compiled

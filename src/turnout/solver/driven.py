@@ -20,7 +20,7 @@ from turnout.machine.steady import shaft_travel
 from turnout.mechanism.mechanism import DriveMachines, Mechanism
 from turnout.solver.arrange import Grid, RunSetup
 from turnout.solver.rods import Rods, find_slips
-from turnout.solver.schedule import Pause, new_schedule, stop_rows
+from turnout.solver.schedule import Pause, new_schedule
 from turnout.solver.state import acquire_buffer
 
 Floats = NDArray[np.float64]
@@ -389,7 +389,7 @@ def new_rods(setup: RunSetup, scheme: Scheme, grid: Grid) -> Rods | None:
         booked_given=np.empty((books, n)),
         stood=np.ones(n, dtype=np.int64),
         schedule=new_schedule(grid.room, grid.check),
-        stops=stop_rows([(stop.step, stop.rest, stop.longest) for stop in grid.stops]),
+        stops=np.array([(stop.step, stop.rest, stop.longest) for stop in grid.stops]),
         stop_times=np.array([stop.time for stop in grid.stops]),
         pauses=np.zeros((len(grid.stops), 2)),
         ends=np.array(save.save_at.whole, dtype=np.float64),

@@ -49,7 +49,7 @@ from turnout.kernels.lanes import (
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.kernels.vector import copy, gather_all
 from turnout.law.obstruction import Obstructions
-from turnout.law.table import LawTable
+from turnout.law.table import LawTable, segments_at
 from turnout.solver.condense import CondensedRails
 from turnout.solver.energy import LEDGER, STORED
 from turnout.solver.state import Run, State, StepRecord, lines_from_buffer
@@ -551,11 +551,10 @@ def _law_forces(laws: LawTable, g: Floats, inputs: Floats, interpolated: Floats)
     """Return the forces of all laws [N]; interpolated ones for laws that appear or disappear."""
     force = interpolated.copy()
     always = np.isinf(laws.appears) & np.isinf(laws.disappears) & (laws.waits == 0)
-    for law in np.flatnonzero(always):
+    for law in np.flatnonzero(always).tolist():
         e = g[:, laws.row[law]] - laws.offset[law]
         if laws.input_index[law] >= 0:
             e = e - inputs[:, laws.input_index[law]]
-        first, end = laws.segment_start[law], laws.segment_start[law + 1]
-        at = first + np.searchsorted(laws.segment_upper[first : end - 1], e)
+        at = segments_at(laws, law, e)
         force[:, law] = laws.slope[at] * e + laws.intercept[at]
     return force

@@ -154,11 +154,6 @@ def _postpone(run: Run, rods: Rods, done: int) -> None:
             run.positions[row, column] = rods.markers[min(row - late, last), column]
 
 
-def stop_rows(stops: Sequence[tuple[int, int, int]]) -> Ints:
-    """Return the rows of `Rods.stops`."""
-    return np.array(stops, dtype=np.int64).reshape(-1, LONGEST + 1)
-
-
 def new_schedule(room: int, check: int) -> Ints:
     """Return `Rods.schedule` of a run that has not begun, with its memory and checks in steps."""
     found = np.zeros(PLACES, dtype=np.int64)

@@ -52,7 +52,7 @@ from turnout.kernels.vector import (
 )
 from turnout.law.friction import friction_state, trials_and_limits
 from turnout.law.kernel import any_not_finite, segment_for
-from turnout.solver.columns import mark_law, mark_row, update_marked
+from turnout.solver.columns import force_from, mark_law, mark_row, update_marked
 from turnout.solver.energy import MARKERS
 from turnout.solver.state import (
     COUNT_ITERATIONS,
@@ -644,10 +644,7 @@ def _expand_end_errors(run: Run, state: State) -> None:
             row = state.row_of_slot[slot]
             if system.row_ends[row, 1] >= 0:
                 continue
-            force = 0.0
-            for k in range(system.pattern_start[row], system.pattern_start[row + 1]):
-                force += state.entries[k] * free[system.pattern_at[k]]
-            add_scaled(force, state.columns[slot], solved)
+            add_scaled(force_from(system, state, row, free), state.columns[slot], solved)
 
 
 @compiled_part

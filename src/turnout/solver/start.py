@@ -29,7 +29,7 @@ from turnout.kernels.shared_record import SharedRecord, clone_record
 from turnout.kernels.vector import copy
 from turnout.law.friction import SLIP_FORWARD, STICK
 from turnout.law.kernel import any_not_finite
-from turnout.law.table import LawTable
+from turnout.law.table import LawTable, segments_at
 from turnout.mechanism.mechanism import Mechanism
 from turnout.solver.arrange import Arrangement, Frame, give_back, prepare, set_up_run
 from turnout.solver.columns import assemble_level, rebuild, update_marked
@@ -99,25 +99,20 @@ def equilibrium_segments(mechanism: Mechanism, *, inputs: Floats, present: Ints)
         while energy(u + share * direction) > energy_u + 1e-4 * share * descent and share > 1e-9:
             share *= 0.5
         u = u + share * direction
-        segments = _find_segments(table, (rows @ u)[table.row] - zero)
-        if share == 1.0 and np.array_equal(segments, _find_segments(table, e)):
+        segments = _segments(table, (rows @ u)[table.row] - zero)
+        if share == 1.0 and np.array_equal(segments, _segments(table, e)):
             break  # a whole step within them ends at the minimum
-    return _find_segments(table, (rows @ u)[table.row] - zero)
+    return _segments(table, (rows @ u)[table.row] - zero) - table.segment_start[:-1]
 
 
-def _find_segments(table: LawTable, e: Floats) -> Ints:
-    counts = [
-        int(np.searchsorted(table.segment_upper[first : last - 1], value))
-        for first, last, value in zip(
-            table.segment_start[:-1], table.segment_start[1:], e, strict=True
-        )
-    ]
-    return np.array(counts, dtype=np.int64)
+def _segments(table: LawTable, e: Floats) -> Ints:
+    """Return the place in the table of the segment of every law."""
+    return np.array([segments_at(table, law, value) for law, value in enumerate(e)], dtype=np.int64)
 
 
 def _evaluate_laws(table: LawTable, e: Floats) -> tuple[Floats, Floats, Floats]:
     """Return force [N], energy [J] and slope [N/m] of every law at its argument."""
-    at = table.segment_start[:-1] + _find_segments(table, e)
+    at = _segments(table, e)
     force = table.slope[at] * e + table.intercept[at]
     energy = (0.5 * table.slope[at] * e + table.intercept[at]) * e + table.potential[at]
     return force, energy, table.slope[at]
