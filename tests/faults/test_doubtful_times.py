@@ -484,6 +484,7 @@ def test_a_last_time_half_a_step_off() -> None:
         {"sample_rate": {"value": 25, "unit": "Hz"}},
         {"sample_rate": {"Value": "0.025", "Units": "kHz"}},
         {"sampling": {"interval": {"magnitude": 40, "unit": "ms"}}},
+        {"meta": {"sampling": {"interval": {"value": 40, "unit": "ms"}}, "site": {"no": 7}}},
     ],
 )
 def test_a_rate_with_its_unit_in_an_object(tmp_path: Path, clock: dict[str, object]) -> None:
@@ -495,6 +496,9 @@ def test_a_rate_with_its_unit_in_an_object(tmp_path: Path, clock: dict[str, obje
     ):
         force = read(path, held).channel("Force")
         assert (force.rate, force.start) == (25.0, 0.2)
+    if "sample_rate" in clock:
+        row = [{"throw": 1, **clock, "Force": FORCE.tolist()}]
+        assert read(path, row).channel("Force").rate == 25.0
 
 
 def test_channels_that_stand_under_their_names(tmp_path: Path) -> None:

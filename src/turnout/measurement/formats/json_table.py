@@ -112,11 +112,17 @@ def _tables_in(held: Any) -> bool:
 
 
 def _scalars(held: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return single values, a number with its unit in an object of its own as a text."""
-    values = {str(key): _first_of(v, ("value", "magnitude"), v) for key, v in held.items()}
-    units = {str(key): _first_of(v, _UNITS, "") for key, v in held.items()}
-    single = {key: v for key, v in values.items() if type(v) in (str, int, float)}
-    return {key: f"{v} {units[key]}" if units[key] else v for key, v in single.items()}
+    """Return single values."""
+    values = {str(key): _plain(value) for key, value in held.items()}
+    return {key: value for key, value in values.items() if type(value) in (str, int, float)}
+
+
+def _plain(value: Any) -> Any:
+    """Return a number with its unit in an object of its own as a text; others as they are."""
+    number, unit = _first_of(value, ("value", "magnitude"), None), _first_of(value, _UNITS, None)
+    if type(number) not in (str, int, float):
+        return value
+    return f"{number} {unit}" if unit else number
 
 
 def _first_of(held: Any, names: Sequence[str], default: Any) -> Any:
@@ -142,14 +148,19 @@ def _facts(held: Mapping[str, Any], units: dict[str, str]) -> list[dict[str, Any
     for key, value in held.items():
         if squeezed(key) in _UNITS and isinstance(value, Mapping):
             units |= {str(name): str(unit) for name, unit in value.items()}
-        elif isinstance(value, Mapping):
-            single = _scalars(value)
-            others = [inner for name, inner in value.items() if str(name) not in single]
+        elif isinstance(value, Mapping) and not _holds_lists(value):
             # A rate of another object may be that of anything.
             rates = ("rate", "ratehz", "ratekhz")
-            if not any(isinstance(inner, Mapping | list) for inner in others):
-                facts.append({k: v for k, v in single.items() if squeezed(k) not in rates})
+            facts += [
+                {name: fact for name, fact in single.items() if squeezed(name) not in rates}
+                for single in _facts(value, {})
+            ]
     return [*facts, _scalars(held)]
+
+
+def _holds_lists(held: Mapping[str, Any]) -> bool:
+    inner = [value for value in held.values() if isinstance(value, Mapping)]
+    return any(isinstance(v, list) for v in held.values()) or any(map(_holds_lists, inner))
 
 
 def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
@@ -157,7 +168,7 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
     if isinstance(held, list):
         if held and all(isinstance(row, Mapping) for row in held):
             keys = list(dict.fromkeys(str(key) for row in held for key in row))
-            return {key: _cells([row.get(key) for row in held]) for key in keys}
+            return {key: _cells([_plain(row.get(key)) for row in held]) for key in keys}
         if len(held) > 1 and all(isinstance(row, list) for row in held):
             if all(isinstance(cell, str) for cell in held[0]):
                 return _by_rows(held[0], held[1:])
