@@ -554,3 +554,22 @@ def test_a_first_row_whose_time_is_a_word(tmp_path: Path) -> None:
     )
     with pytest.raises(FileError, match="line 2: 'start' is not a number, in a row of numbers"):
         read(tmp_path / "throw.csv", text)
+
+
+def test_throws_whose_curves_stand_in_inner_objects(tmp_path: Path) -> None:
+    rows = [
+        {"throw": number, "fs": 25, "signals": {**LISTS, "throw": 9}, "site": {"name": "W12"}}
+        for number in (3, 4)
+    ]
+    path = tmp_path / "throw.json"
+    with pytest.raises(FileError, match=r"2 throws in one table \(column 'throw'\): '3', '4'"):
+        read(path, rows)
+    recording = read_recording(path, throw="4")
+    assert list(recording.channels) == list(LISTS)
+    assert recording.channel("Force").rate == 25.0
+    assert recording.labels["name"] == "W12"
+
+
+def test_a_number_of_each_row_is_no_channel(tmp_path: Path) -> None:
+    text = "Sample rate: 25 Hz\nthrow,Force\n" + "".join(f"{n},{f}\n" for n, f in enumerate(FORCE))
+    assert list(read(tmp_path / "throw.csv", text).channels) == ["Force"]

@@ -473,7 +473,7 @@ def _channels(table: Table) -> list[int]:
             rows = f"; check the time: its steps are {step:g}, are rows missing?" * beside
             shown = f"column '{label_of(table, place)}'"
             table.problems.append(f"{shown} is left out: it counts samples and is no time{rows}")
-        elif is_called(name, "throw") and is_constant(values):
+        elif is_called(name, "throw") and (is_constant(values) or counts(values)):
             table.problems.append(f"column '{name}' is left out: it numbers the throw")
         else:
             found.append(place)

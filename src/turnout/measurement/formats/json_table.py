@@ -125,6 +125,14 @@ def _plain(value: Any) -> Any:
     return f"{number} {unit}" if unit else number
 
 
+def _flat(row: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return a row with the contents of inner objects, of equal names the outer one."""
+    cells = {str(key): _plain(value) for key, value in row.items()}
+    inner = [_flat(value) for value in cells.values() if isinstance(value, Mapping)]
+    own = {key: value for key, value in cells.items() if not isinstance(value, Mapping)}
+    return {**{key: value for found in inner for key, value in found.items()}, **own}
+
+
 def _first_of(held: Any, names: Sequence[str], default: Any) -> Any:
     """Return the first value of an object under one of some names."""
     keys = {squeezed(str(key)): key for key in held} if isinstance(held, Mapping) else {}
@@ -167,8 +175,9 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
     """Return the columns of a table in one of its shapes; None if it is none."""
     if isinstance(held, list):
         if held and all(isinstance(row, Mapping) for row in held):
-            keys = list(dict.fromkeys(str(key) for row in held for key in row))
-            return {key: _cells([_plain(row.get(key)) for row in held]) for key in keys}
+            opened = [_flat(row) for row in held]
+            keys = list(dict.fromkeys(key for row in opened for key in row))
+            return {key: _cells([row.get(key) for row in opened]) for key in keys}
         if len(held) > 1 and all(isinstance(row, list) for row in held):
             if all(isinstance(cell, str) for cell in held[0]):
                 return _by_rows(held[0], held[1:])
