@@ -506,7 +506,8 @@ def test_channels_that_stand_under_their_names(tmp_path: Path) -> None:
     named = {name: {"unit": "kN", "values": values} for name, values in LISTS.items()}
     time = {"time": {"unit": "ms", "values": [40 * n for n in range(COUNT)]}}
     rated = {name: {**item, "fs": 25, "start": 1} for name, item in named.items()}
-    for held, start in (({"fs": 25, **named}, 0.0), ({**time, **named}, 0.0), (rated, 1.0)):
+    tagged = {"tags": ["a", "b"], "fs": 25, **named}
+    for held, start in ((tagged, 0.0), ({**time, **named}, 0.0), (rated, 1.0)):
         recording = read(path, held)
         assert list(recording.channels) == list(LISTS)
         force = recording.channel("Force")

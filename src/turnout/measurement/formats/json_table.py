@@ -142,7 +142,7 @@ def _first_of(held: Any, names: Sequence[str], default: Any) -> Any:
 def _by_name(held: Mapping[str, Any], units: dict[str, str]) -> Any:
     """Return channels that stand under their names as a list, or as lists with their times."""
     found = {str(k): v for k, v in held.items() if _is_curve(_first_of(v, _VALUES, None))}
-    if not found or any(isinstance(value, list) for value in held.values()):
+    if not found or any(map(_is_curve, held.values())):
         return held
     if any(map(is_time_name, found)):
         units |= {name: str(_first_of(item, _UNITS, "")) for name, item in found.items()}
