@@ -206,10 +206,10 @@ def _times(
     named: set[str] = set()
     problems: list[str] = []
     for name, array in arrays.items():
-        vector, clock = array.vector, array.clock.within(_clock_of(name, clocks))
         moments, bare_unit = array.values.dtype.kind in "mM", array.unit.partition(" since ")[0]
         if not (_is_time(name) or moments or (array.along == name and is_time_unit(bare_unit))):
             continue
+        vector, clock = array.vector, array.clock.within(_clock_of(name, clocks))
         bare, own = split_unit(_last(name))
         unit = array.unit or own
         if not unit and bare != "T" and not unit_in_name(bare):
