@@ -79,24 +79,6 @@ def add_multiple(weight: float, a: Floats, to: Floats) -> None:
 
 
 @compiled_loop
-def add_two_multiples(one: float, a: Floats, other: float, b: Floats, to: Floats) -> None:
-    """Add multiples of two vectors to one that fills whole cache lines, each rounded once.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> total = np.ones(8)
-    >>> add_two_multiples(2.0, np.arange(8.0), 1.0, np.ones(8), total)
-    >>> total[:2].tolist()
-    [2.0, 4.0]
-    """
-    first, second = broadcast(one), broadcast(other)
-    for i in range(0, to.size, LANES):
-        moved = multiply_add(first, load(a, i), load(to, i))
-        store(multiply_add(second, load(b, i), moved), to, i)
-
-
-@compiled_loop
 def scale_into(factor: float, a: Floats, to: Floats) -> None:
     """Write a multiple of a vector to one that fills whole cache lines.
 

@@ -242,8 +242,7 @@ def _update_columns(
     add_multiple(shift_change + _dot_pattern(change, at, constant), scaled, constant)
     state.counters[UNSOLVED] |= 1 << block
     state.drift[0] *= max(abs(denominator), 1.0 / abs(denominator))
-    if state.counters[COUPLED] != 0:
-        state.counters[COUPLED] |= 2 << block
+    state.counters[COUPLED] = 0
     copy(scaled, pivot)
     update_rank_one(change, at, pivot, state.columns[slots:slot])
     update_rank_one(change, at, pivot, state.columns[slot + 1 : slots + state.slots[block]])

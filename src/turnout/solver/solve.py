@@ -43,7 +43,6 @@ from turnout.kernels.lanes import (
 from turnout.kernels.vector import (
     add_multiple,
     add_scaled,
-    add_two_multiples,
     add_weighted_rows,
     copy,
     dot,
@@ -106,12 +105,8 @@ def _evaluate_inputs(run: Run, state: State) -> None:
         force[system.input_row[k]] = 0.0
     for k in range(system.input_law.size):
         law = system.input_law[k]
-        force[table.row[law]] += state.slope[law] * state.inputs[table.input_index[law]]
-    for k in range(1, work.padded_inputs.size):
-        work.padded_inputs[k] = state.inputs[k - 1]
-    for k in range(system.input_group.size):
-        at = system.input_group[k]
-        store(gather(work.padded_inputs, system.input_place, at), work.law_input, at)
+        work.law_input[law] = state.inputs[table.input_index[law]]
+        force[table.row[law]] += state.slope[law] * work.law_input[law]
 
 
 @compiled_part
@@ -140,22 +135,12 @@ def _sum_joining_ends(g: Floats, ends: Ints, joining: Floats) -> None:
 
 @compiled_part
 def _apply_end_forces(run: Run, state: State, ends: Ints, force: Floats) -> None:
-    """Add the displacements from forces on active ends, two neighbours of a block at a time."""
+    """Add the displacements from forces on active ends."""
     system = run.system
-    columns, slot, g = state.columns, state.slot_of_end, state.g
-    k, count = 0, force.size
-    while k < count:
-        end = ends[k]
-        block = system.block_of_end[end]
-        block_g = g[system.end_start[block] : system.end_start[block + 1]]
-        column = columns[slot[end]]
-        if k + 1 < count and system.block_of_end[ends[k + 1]] == block:
-            next_end = ends[k + 1]
-            add_two_multiples(force[k], column, force[k + 1], columns[slot[next_end]], block_g)
-            k += 2
-        else:
-            add_multiple(force[k], column, block_g)
-            k += 1
+    for k in range(force.size):
+        block = system.block_of_end[ends[k]]
+        block_g = state.g[system.end_start[block] : system.end_start[block + 1]]
+        add_multiple(force[k], state.columns[state.slot_of_end[ends[k]]], block_g)
 
 
 @compiled
@@ -214,24 +199,15 @@ def gather_modes(run: Run, state: State) -> None:
 
 @compiled
 def assemble_coupling(run: Run, state: State) -> None:
-    """Assemble and factorise the matrix of the joining rows.
-
-    Where the rows are the same as before, entries of blocks whose columns are too stay as they are.
-    """
-    system = run.system
+    """Assemble and factorise the matrix of the joining rows."""
+    system, matrix = run.system, state.coupling
     count = state.counters[COUNT_JOINING]
-    matrix, assembled = state.coupling, state.assembled
-    whole, stale = state.counters[COUPLED] == 0, state.counters[COUPLED] >> 1
     for i in range(count):
         row = state.joining[i]
-        of_row = blocks_of(system, row)
         entry = state.entries[system.pattern_start[row]]
         for j in range(count):
-            other = state.joining[j]
-            if whole or of_row & blocks_of(system, other) & stale:
-                total = _compliance_between(run, state, row, other)
-                assembled[i, j] = (1.0 if i == j else 0.0) - entry * total
-            matrix[i, j] = assembled[i, j]
+            total = _compliance_between(run, state, row, state.joining[j])
+            matrix[i, j] = (1.0 if i == j else 0.0) - entry * total
     _factorise(matrix, state.pivots, count)
     state.counters[COUPLED] = 1
 
@@ -560,18 +536,9 @@ def _end_errors(run: Run, state: State, force: Floats, error: Floats) -> float:
             error[end] = system.end_load[end] - state.g[end]
         start, stop = system.mode_start[block], system.mode_start[block + 1]
         add_weighted_rows(state.q[start:stop], system.mode_ends[start:stop], of_block)
-        waiting = -1  # rows are added in pairs; beyond the ends they are zero
         for end in range(first, last):
-            if force[end] == 0.0:
-                continue
-            if waiting < 0:
-                waiting = end
-                continue
-            rows = system.flexibility[waiting], system.flexibility[end]
-            add_two_multiples(force[waiting], rows[0], force[end], rows[1], of_block)
-            waiting = -1
-        if waiting >= 0:
-            add_multiple(force[waiting], system.flexibility[waiting], of_block)
+            if force[end] != 0.0:  # beyond the ends rows are zero
+                add_multiple(force[end], system.flexibility[end], of_block)
         for end in range(first, last):
             worst = max(worst, abs(error[end]))
     return worst

@@ -103,8 +103,7 @@ class Work(NamedTuple):
       displacements [m] and contact set at the start of a step; ``q_pred``, ``v_pred`` and
       ``right_side`` are predicted from them, `turnout.solver.march`;
     - ``free``: displacements of the last solution without forces of inputs and joining rows [m];
-    - ``padded_inputs``: a zero, then the inputs of the last solution [m]; ``law_input`` that of
-      every law;
+    - ``law_input``: input of every law in the last solution, zero for one without [m];
     - ``argument``, ``force``, ``trial``, ``limit``: laws and frictions at the last solution;
     - ``input_force``: force of the inputs on their rows [N], zero on rows without an input;
     - ``foot_shift``: zeros, in which changes of forces on feet are summed up [N];
@@ -142,7 +141,6 @@ class Work(NamedTuple):
     end_error: Floats
     modal_error: Floats
     end_scratch: Floats
-    padded_inputs: Floats
     law_input: Floats
     inputs_start: Floats
     inputs_end: Floats
@@ -173,7 +171,6 @@ def new_work(system: System, table: LawTable) -> Work:
                 np.zeros(table.friction_row.size), "saved_friction trial limit friction_shift"
             ),
             **_alike(np.zeros(n_inputs), "inputs_start inputs_end"),
-            padded_inputs=np.zeros(n_inputs + 1),
             slot_force=np.zeros(system.slot_start[-1]),
             input_end_force=np.zeros(system.input_end.size),
             saved_segment=np.zeros(n_laws, dtype=np.int64),
@@ -331,15 +328,15 @@ class State(NamedTuple):
     `turnout.solver.energy`.
 
     Solution: ``entries`` and ``shift`` are the deviations of the rows; the columns with their
-    slots, and the coupling of the blocks as ``assembled`` and factorised with its ``pivots``, are
-    those of `turnout.solver.columns` for the step of the present level. ``compliance`` depends
+    slots, and the coupling of the blocks, factorised with its ``pivots``, are those of
+    `turnout.solver.columns` for the step of the present level. ``compliance`` depends
     on the length of the step alone and is kept level by level, ``level_ready`` says which levels
     have been assembled (`turnout.solver.arrange`). ``drift`` is the growth of rounding since it
     was last measured [-].
     ``counters``: active rows that join blocks, flips since the last rebuild, all flips, all
-    iterations, halved steps, rebuilds, the level, the state of the coupling: 0 unknown, 1 up to
-    date, else 1 and a bit, from the second on, for each block whose columns have changed; and a
-    bit for each block whose columns or right side have changed since the last solution, -1 for all.
+    iterations, halved steps, rebuilds, the level; 1 where the coupling is up to date, else 0;
+    and a bit for each block whose columns or right side have changed since the last solution, -1
+    for all.
     """
 
     segment: Ints
@@ -369,7 +366,6 @@ class State(NamedTuple):
     columns: Floats
     joining: Ints
     coupling: Floats
-    assembled: Floats
     pivots: Ints
     level_ready: Ints
     mode_columns: Floats
@@ -475,7 +471,6 @@ def fresh_state(system: System, table: LawTable, *, n_inputs: int, levels: int) 
             columns=zeros_in_lines(n_slots, widest),
             joining=np.full(n_joining, -1, dtype=np.int64),
             coupling=np.zeros((n_joining, n_joining)),
-            assembled=np.zeros((n_joining, n_joining)),
             pivots=np.zeros(n_joining, dtype=np.int64),
             level_ready=np.zeros(levels, dtype=np.int64),
             mode_columns=zeros_in_lines(n_modes, widest),

@@ -196,9 +196,7 @@ class System(NamedTuple):
     normal law. ``pinned`` rows stay active.
 
     Inputs: ``input_law`` are the driven laws and ``input_row`` their rows; ``input_end`` are those
-    of the rows that are an end. ``input_place`` is the number of a law's input, from one, or zero,
-    and ``input_group`` where the groups of eight laws with any input begin. ``timed_law`` lists the
-    laws that do not always act.
+    of the rows that are an end. ``timed_law`` lists the laws that do not always act.
     """
 
     load: Floats
@@ -240,8 +238,6 @@ class System(NamedTuple):
     pinned: Ints
     input_law: Ints
     input_row: Ints
-    input_place: Ints
-    input_group: Ints
     input_end: Ints
     timed_law: Ints
 
@@ -309,8 +305,6 @@ def condensed_system(
         pinned=pinned,
         input_law=driven.astype(np.int64),
         input_row=driven_rows,
-        input_place=as_unsigned(laws.input_index + 1),
-        input_group=np.unique(driven // LANES) * LANES,
         input_end=np.sort(driven_rows[places.row_ends[driven_rows, 1] < 0]),
         timed_law=np.flatnonzero(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
