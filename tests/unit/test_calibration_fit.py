@@ -328,6 +328,20 @@ def test_a_model_of_something_else_is_not_to_be_trusted_and_not_refined() -> Non
     assert "that rods and places are named right" in reasons[-1]
 
 
+@pytest.mark.parametrize("amplitude", [10.0, 40.0])
+def test_misses_in_common_are_no_noise_that_hides_them(amplitude: float) -> None:
+    """A switch with a metre more of rail was trusted: its misses had raised the limit of them."""
+    measured = alike(4, seed=2)
+    time = measured[0].signals[0].time
+    for item in measured:
+        item.signals[0].values[:] += amplitude * np.sign(np.sin(60.0 * time)) * (time > 0)
+    whole = misfit(measured)
+    whole.comparison = replace(whole.comparison, gains={("drive_force", "1"): 0.01})
+    noise = fit(whole, PARAMETERS, TRUE).misfit.comparison.noise["drive_force", "1"]
+    assert noise.white == whole.comparison.noise["drive_force", "1"].white
+    assert noise.total > noise.left > 1.5 * noise.white
+
+
 @pytest.mark.parametrize(("share", "alone", "beside"), [(0.1, 0, 0), (0.3, 0, 1), (0.5, 1, 1)])
 def test_beside_causes_a_model_may_miss_no_more_than_another_solver(
     share: float, alone: int, beside: int

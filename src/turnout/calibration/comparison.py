@@ -201,6 +201,8 @@ class Noise:
         Of what decays exponentially over time: standard deviation, and time to a third [s].
     missed, missed_length : float
         The same of the model error; before a fit, of the difference between two solvers.
+    left : float
+        Of the model error that all movements share, what its modes leave out from bin to bin.
     """
 
     white: float
@@ -208,11 +210,12 @@ class Noise:
     slow_length: float = BIN
     missed: float = 0.0
     missed_length: float = BIN
+    left: float = 0.0
 
     @property
     def total(self) -> float:
         """Standard deviation of a bin."""
-        return float(np.sqrt(self.white**2 + self.slow**2 + self.missed**2))
+        return float(np.sqrt(self.white**2 + self.slow**2 + self.missed**2 + self.left**2))
 
     def factor(self, time: Floats) -> Floats:
         """Return the lower Cholesky factor of the covariance at some times, read only.
@@ -227,7 +230,7 @@ def _factor(noise: Noise, times: bytes) -> Floats:
     """Return the factor of a covariance for times as bytes, which can be a key."""
     time = np.frombuffer(times, dtype=np.float64)
     apart = np.abs(time[:, None] - time[None, :])
-    covariance = noise.white**2 * np.eye(time.size)
+    covariance = (noise.white**2 + noise.left**2) * np.eye(time.size)
     for size, length in ((noise.slow, noise.slow_length), (noise.missed, noise.missed_length)):
         if size > 0:
             covariance = covariance + size**2 * np.exp(-apart / length)

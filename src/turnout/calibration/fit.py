@@ -716,7 +716,7 @@ def reestimate_noise(found: Fit, first: Misfit) -> Misfit:
         most = max(row.size for row in series[channel, drive, direction])
         rest = left_out(most, size=size, length=length)
         known = noise[channel, drive]
-        noise[channel, drive] = replace(known, white=hypot(known.white, rest))
+        noise[channel, drive] = replace(known, left=hypot(known.left, rest))
     scatter = {}
     for name, expected in first.comparison.scatter.items():
         estimates = [v.estimates[name] for v in found.frame.alignments if name in v.estimates]
