@@ -108,18 +108,28 @@ def test_the_limit_is_over_once(monkeypatch: pytest.MonkeyPatch) -> None:
     stage.left(40.0)
 
 
+def test_the_time_of_a_search_follows_from_that_of_throws(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Watched(monkeypatch, (14.0, 20.0, 20.0, 20.0), planned=80, began=10.0)
+    assert stage.watch.time_of(100, stage.evaluator) == float("inf")
+    stage.evaluator.made = 40
+    assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(25.0)
+    stage.watch.limit = 15.0
+    assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(5.0)
+
+
 @pytest.mark.parametrize(
-    ("missed", "causes", "limit", "words"),
+    ("missed", "causes", "most", "words"),
     [
-        ({}, True, float("inf"), "the first fit follows; fitting to the end"),
-        ({KEY: 0.03}, True, 90.0, "misses 3 %; looking for the cause, at most 90 s in all"),
-        ({KEY: 0.03}, False, float("inf"), "misses 3 %; causes are not looked for"),
+        ({}, True, 90.0, "the first fit follows; fitting to the end"),
+        ({KEY: 0.03}, True, 80.0, "misses 3 %; looking for the cause, at most 80 s"),
+        ({KEY: 0.03}, True, float("inf"), "misses 3 %; looking for the cause"),
+        ({KEY: 0.03}, False, 90.0, "misses 3 %; causes are not looked for"),
     ],
 )
 def test_the_first_fit_has_a_verdict(
     missed: dict[Key, float],
     causes: bool,
-    limit: float,
+    most: float,
     words: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -128,4 +138,4 @@ def test_the_first_fit_has_a_verdict(
     far = {key: share * peak for key, share in missed.items()}
     monkeypatch.setattr("turnout.calibration.causes.missing_more", lambda *_, **__: far)
     found: Any = SimpleNamespace(misfit=whole)
-    assert first_verdict(found, causes=causes, limit=limit).endswith(words)
+    assert first_verdict(found, causes=causes, most=most).endswith(words)

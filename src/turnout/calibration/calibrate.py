@@ -19,6 +19,7 @@ from turnout.calibration.advice import (
 from turnout.calibration.candidate_causes import candidate_causes
 from turnout.calibration.causes import (
     CAUSE_STEPS,
+    MOST_THROWS,
     CauseSearch,
     first_verdict,
     is_worth_a_search,
@@ -256,6 +257,15 @@ class ProgressReporter:
     def more(self, work: float, evaluator: Evaluator) -> None:
         """Plan more work than is still planned, such as a search for causes [quick throws]."""
         self.planned = max(self.planned, evaluator.work + self.per_step) + work
+
+    def time_of(self, throws: int, evaluator: Evaluator) -> float:
+        """Return the time that so many throws take at the pace of those before, the limit at most.
+
+        Those that were kept from before take none: infinite with none made so far [s].
+        """
+        spent = time.monotonic() - (self.began or time.monotonic())
+        pace = spent / evaluator.made if evaluator.made else float("inf")
+        return min(throws * pace, self.limit - spent)
 
     def found(self, misfit: float) -> None:
         """Note the misfit of the latest step."""
@@ -539,7 +549,8 @@ class _Run:
         """
         start, found = self._first(near, start)
         misses = is_worth_a_search(found)
-        self.watch.verdict = first_verdict(found, causes=self.causes, limit=self.watch.limit)
+        most = self.watch.time_of(MOST_THROWS * len(start.movements), self.evaluator)
+        self.watch.verdict = first_verdict(found, causes=self.causes, most=most)
         if misses and self.causes:
             self.watch.more(work_of_search(found, self.panel), self.evaluator)
         self.best[:] = [CauseSearch(found=found, first=start, plain=start, misses=misses)]

@@ -42,6 +42,7 @@ from turnout.calibration.shared import CLOCK, missing_more, model_error
 from turnout.calibration.stages import coordinates, prior_residuals
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
+from turnout.core.value_text import duration_text
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
@@ -58,7 +59,7 @@ MOST_ROUNDS = 2
 LESS_MISSED = 0.85
 # Throws of a search, for each movement, after which no further cause is tried and no further fit
 # is begun: a model of something else could go on for long and still miss much.
-MOST_THROWS = 600
+MOST_THROWS = 350
 # What a cause says of its remedy, and what stands there where the map states a recorder already.
 STATE, BESIDE = (
     "state it in the channel map as",
@@ -139,7 +140,7 @@ def is_worth_a_search(found: Fit, *, share: float = 1.0) -> bool:
     return bool(missing_more(found.misfit.comparison, found.misfit.movements, share=share))
 
 
-def first_verdict(found: Fit, *, causes: bool, limit: float) -> str:
+def first_verdict(found: Fit, *, causes: bool, most: float) -> str:
     """Return whether a first fit follows, and what comes next, for the screen.
 
     Parameters
@@ -148,8 +149,8 @@ def first_verdict(found: Fit, *, causes: bool, limit: float) -> str:
         By throws of the scheme.
     causes : bool
         Whether causes are looked for.
-    limit : float
-        Of the whole calibration [s].
+    most : float
+        Time that this takes at most, infinite where that is not known [s].
     """
     peaks = peaks_of(found.misfit.movements)
     missing = [
@@ -158,7 +159,7 @@ def first_verdict(found: Fit, *, causes: bool, limit: float) -> str:
     ]
     if not missing:
         return "the first fit follows; fitting to the end"
-    upto = f", at most {limit:g} s in all" if limit < float("inf") else ""
+    upto = f", at most {duration_text(most)}" if most < float("inf") else ""
     then = f"looking for the cause{upto}" if causes else "causes are not looked for"
     return f"the first fit does not follow: {', '.join(missing)}; {then}"
 
