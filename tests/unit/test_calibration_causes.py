@@ -135,15 +135,14 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
         message = "it slips at rest"
         raise SolverError(message)
 
-    monkeypatch.setattr(starts, "brief_fit", noted)
     monkeypatch.setattr(causes, "brief_fit", noted)
     # A fit to its end is tried, and is none where it fails.
     monkeypatch.setattr(starts, "fit", fails)
-    assert starts.first_fit(whole, found) is found
-    assert begun == [True, False]
+    assert starts.first_fit(whole, near, found) is found
+    assert begun == [False]
     monkeypatch.setattr(starts, "is_worth_a_search", lambda *_, **__: False)
-    starts.first_fit(whole, found)
-    assert begun[2:] == [True]
+    assert starts.first_fit(whole, near, found) is found
+    assert begun == [False]
 
 
 @pytest.mark.parametrize("times", [0.5, 2.0])

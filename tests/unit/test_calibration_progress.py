@@ -14,6 +14,7 @@ from turnout.calibration.calibrate import (
 )
 from turnout.calibration.causes import first_verdict
 from turnout.calibration.comparison import Key, peaks_of
+from turnout.calibration.evaluate import WORK
 from turnout.calibration.fit import fit
 from turnout.cli.calibrate import stage_line
 from turnout.panel.load import load_panel
@@ -111,8 +112,9 @@ def test_the_limit_is_over_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_time_of_a_search_follows_from_that_of_throws(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Watched(monkeypatch, (14.0, 20.0, 20.0, 20.0), planned=80, began=10.0)
     assert stage.watch.time_of(100, stage.evaluator) == float("inf")
-    stage.evaluator.made = 40
-    assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(25.0)
+    stage.evaluator.made, stage.evaluator.work = 40, 50.0
+    time = stage.watch.time_of(100, stage.evaluator)
+    assert time == pytest.approx(100 * WORK["plain"] * 10.0 / 50.0)
     stage.watch.limit = 15.0
     assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(5.0)
 
@@ -120,7 +122,7 @@ def test_the_time_of_a_search_follows_from_that_of_throws(monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("missed", "causes", "most", "words"),
     [
-        ({}, True, 90.0, "the first fit follows; fitting to the end"),
+        ({}, True, 90.0, "so far the model follows; fitting to the end"),
         ({KEY: 0.03}, True, 80.0, "misses 3 %; looking for the cause, at most 80 s"),
         ({KEY: 0.03}, True, float("inf"), "misses 3 %; looking for the cause"),
         ({KEY: 0.03}, False, 90.0, "misses 3 %; causes are not looked for"),

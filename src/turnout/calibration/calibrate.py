@@ -28,7 +28,7 @@ from turnout.calibration.causes import (
 )
 from turnout.calibration.comparison import Comparison, Uncertainty, measured_noise
 from turnout.calibration.covariance import Spread, spread_of
-from turnout.calibration.evaluate import WORK, Evaluator
+from turnout.calibration.evaluate import WORK, Evaluator, throws_done
 from turnout.calibration.fit import (
     MAX_PASSES,
     MAX_STEPS,
@@ -259,13 +259,13 @@ class ProgressReporter:
         self.planned = max(self.planned, evaluator.work + self.per_step) + work
 
     def time_of(self, throws: int, evaluator: Evaluator) -> float:
-        """Return the time that so many throws take at the pace of those before, the limit at most.
+        """Return the time that so many plain throws take at the slower pace, the limit at most.
 
         Those that were kept from before take none: infinite with none made so far [s].
         """
         spent = time.monotonic() - (self.began or time.monotonic())
-        pace = spent / evaluator.made if evaluator.made else float("inf")
-        return min(throws * pace, self.limit - spent)
+        pace = max(spent / evaluator.work, self.pace) if evaluator.made else float("inf")
+        return min(throws * WORK["plain"] * pace, self.limit - spent)
 
     def found(self, misfit: float) -> None:
         """Note the misfit of the latest step."""
@@ -547,23 +547,27 @@ class _Run:
 
         Where this is ended after the first fit, what was found by then is given.
         """
-        start, found = self._first(near, start)
+        start, quick = self._first(near, start)
+        found = brief_fit(start, quick, passes=1)
         misses = is_worth_a_search(found)
-        most = self.watch.time_of(MOST_THROWS * len(start.movements), self.evaluator)
-        self.watch.verdict = first_verdict(found, causes=self.causes, most=most)
+        self._say_whether_it_follows(found)
         if misses and self.causes:
             self.watch.more(work_of_search(found, self.panel), self.evaluator)
         self.best[:] = [CauseSearch(found=found, first=start, plain=start, misses=misses)]
         try:
-            return self._searched(chosen)
+            return self._searched(quick, chosen)
         except (KeyboardInterrupt, TimeIsUp) as error:
             self.ended[:] = [
                 CTRL_C if isinstance(error, KeyboardInterrupt) else "the limit in seconds"
             ]
             return self.best[0].found, self.best[0].ended(self.best[0].found)
 
+    def _say_whether_it_follows(self, found: Fit) -> None:
+        most = self.watch.time_of(MOST_THROWS * len(found.misfit.movements), self.evaluator)
+        self.watch.verdict = first_verdict(found, causes=self.causes, most=most)
+
     def _first(self, near: Fit, start: Misfit) -> tuple[Misfit, Fit]:
-        """Return the first fit by throws of the scheme, and its start, with a lead if any."""
+        """Return the start by throws of the scheme with a lead if any, and what it misses there."""
         # Slopes of quick throws serve to see what is missed, and for a first step.
         quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
@@ -573,16 +577,24 @@ class _Run:
         if abs(lead) > LONG_LEAD:
             start = replace(start, comparison=replace(start.comparison, lead=lead))
             found = brief_fit(start, quick, passes=1, steps=0)
-        return start, first_fit(start, found)
+        return start, found
 
-    def _searched(self, chosen: tuple[MeasuredMovement, ...]) -> tuple[Fit, CauseSearch]:
-        """Look for causes of the misfit of the first fit, and fit to the end.
+    def _searched(
+        self, quick: Fit, chosen: tuple[MeasuredMovement, ...]
+    ) -> tuple[Fit, CauseSearch]:
+        """Go on with the first fit, look for causes of its misfit, and fit to the end.
 
         Movements that lead near show that as well; all that were chosen join for the end.
         """
-        search = self.best[0]
+        search, begun = self.best[0], throws_done(self.evaluator)
+        found = first_fit(search.first, quick, search.found)
+        misses = is_worth_a_search(found)
+        if search.misses and not misses:
+            self._say_whether_it_follows(found)
+        search = replace(search, found=found, misses=misses)
+        self.best[:] = [search]
         if self.causes:
-            search = with_causes(search.found, search.first, self.panel)
+            search = with_causes(found, search.first, self.panel, begun=begun)
             self.best[:] = [search]
         lead = common_lead(search.found)
         known = replace(search.first.comparison, lead=lead)
@@ -610,9 +622,11 @@ class _Run:
         found = search.found
         if search.misses:
             # Exact slopes are no remedy for what it still misses; finer throws are where it is
-            # trusted all the same.
-            found = brief_fit(misfit, found, passes=MAX_PASSES, steps=MAX_STEPS)
-            if is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found):
+            # trusted all the same. A search that was ended has taken its time already.
+            passes, steps = (1, 0) if search.stopped else (MAX_PASSES, MAX_STEPS)
+            found = brief_fit(misfit, found, passes=passes, steps=steps)
+            poor = is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found)
+            if search.stopped or poor:
                 return found
             misfit = replace(misfit, base=found.values)
         return fit(misfit, found.parameters, found.values, near=found)

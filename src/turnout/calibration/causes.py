@@ -57,9 +57,9 @@ LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 MOST_ROUNDS = 2
 # What such a round may leave at most of what was missed, if another is to follow [-].
 LESS_MISSED = 0.85
-# Throws of a search, for each movement, after which no further cause is tried and no further fit
-# is begun: a model of something else could go on for long and still miss much.
-MOST_THROWS = 350
+# Throws, for each movement, from the first verdict on, after which no further cause is tried and no
+# further fit is begun: a model of something else could go on for long and still miss much.
+MOST_THROWS = 300
 # What a cause says of its remedy, and what stands there where the map states a recorder already.
 STATE, BESIDE = (
     "state it in the channel map as",
@@ -158,10 +158,10 @@ def first_verdict(found: Fit, *, causes: bool, most: float) -> str:
         for key, missed in missing_more(found.misfit.comparison, found.misfit.movements).items()
     ]
     if not missing:
-        return "the first fit follows; fitting to the end"
+        return "so far the model follows; fitting to the end"
     upto = f", at most {duration_text(most)}" if most < float("inf") else ""
     then = f"looking for the cause{upto}" if causes else "causes are not looked for"
-    return f"the first fit does not follow: {', '.join(missing)}; {then}"
+    return f"so far the model does not follow: {', '.join(missing)}; {then}"
 
 
 def ended_reasons(ended: Sequence[str]) -> list[str]:
@@ -175,9 +175,7 @@ def ended_reasons(ended: Sequence[str]) -> list[str]:
 
 @one_blas_thread()
 def with_causes(
-    found: Fit,
-    first: Misfit,
-    panel: LoadedPanel,
+    found: Fit, first: Misfit, panel: LoadedPanel, *, begun: int | None = None
 ) -> CauseSearch:
     """Test the causes of what a fit misses, and fit the decisive ones together with all values.
 
@@ -192,6 +190,8 @@ def with_causes(
         As it began: with the noise of the measurement.
     panel : LoadedPanel
         That is thrown.
+    begun : int, optional
+        Throws after which the first fit was seen to miss something; default those so far.
 
     Returns
     -------
@@ -202,10 +202,11 @@ def with_causes(
     rivals: list[Rival] = []
     choice: Sequence[TestedCause] = ()
     left = candidate_causes(panel, found.parameters, first.movements)
-    begun, most = throws_done(first.evaluator), MOST_THROWS * len(first.movements)
+    before = throws_done(first.evaluator) if begun is None else begun
+    most = MOST_THROWS * len(first.movements)
 
     def is_spent() -> bool:
-        return throws_done(first.evaluator) - begun >= most
+        return throws_done(first.evaluator) - before >= most
 
     while (misses := is_worth_a_search(found)) and len(taken) < MOST_CAUSES:
         if is_spent():
@@ -228,7 +229,7 @@ def with_causes(
         for item in choice:
             first = with_cause(first, item.cause)
         taken += choice
-        if is_worth_a_search(found):
+        if is_worth_a_search(found) and not is_spent():
             found = continued(found, first, rounds=MOST_ROUNDS)
         left = tuple(cause for cause in left if all(cause.goes_with(item.cause) for item in choice))
     names = {item.name for item in taken}
@@ -242,7 +243,7 @@ def with_causes(
         first=first,
         plain=plain,
         taken=tuple(taken),
-        stopped=throws_done(first.evaluator) - begun if misses and is_spent() else 0,
+        stopped=throws_done(first.evaluator) - before if misses and is_spent() else 0,
         others=tuple(others.values()),
         rivals=tuple(item for item in rivals if not names.issuperset(item.causes)),
         misses=misses,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from turnout.calibration.causes import continued, is_worth_a_search
 from turnout.calibration.comparison import align, predicted
 from turnout.calibration.evaluate import Response
-from turnout.calibration.fit import Fit, brief_fit, fit, update_movement_effects
+from turnout.calibration.fit import Fit, fit, update_movement_effects
 from turnout.calibration.measured_movements import (
     BIN,
     THICKER,
@@ -308,36 +308,37 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
 
 
-def first_fit(start: Misfit, found: Fit) -> Fit:
-    """Fit from where quick throws led, to see what a model misses.
+def first_fit(start: Misfit, near: Fit, found: Fit) -> Fit:
+    """Go on with a first fit that misses something, before causes are looked for.
 
-    Slopes of quick throws lead there where nothing is missed; else those of plain ones, with little
-    of what is missed as noise, as long as that helps: a model that lacks nothing leaves it.
+    By slopes of plain throws, with little of what is missed as noise, as long as that helps: a
+    model that lacks nothing leaves it.
 
     Parameters
     ----------
     start : Misfit
         With the noise of the measurement.
-    found : Fit
+    near : Fit
         By plain throws at the values of a fit by quick ones, and with its slopes.
+    found : Fit
+        Where those slopes led, which is where it ends if nothing is missed.
     """
-    first = brief_fit(start, found, passes=1)
-    if is_worth_a_search(first):
-        without_slopes = replace(first, local=replace(first.local, stepped={}))
-        first = continued(without_slopes, start, rounds=FIRST_ROUNDS)
-    if not is_worth_a_search(first, share=CLEARLY):
-        return first
-    return _gone_to_its_end(start, found) or first
+    if is_worth_a_search(found):
+        without_slopes = replace(found, local=replace(found.local, stepped={}))
+        found = continued(without_slopes, start, rounds=FIRST_ROUNDS)
+    if not is_worth_a_search(found, share=CLEARLY):
+        return found
+    return _gone_to_its_end(start, near) or found
 
 
-def _gone_to_its_end(start: Misfit, found: Fit) -> Fit | None:
+def _gone_to_its_end(start: Misfit, near: Fit) -> Fit | None:
     """Return a fit to its end if that misses no more than another solver would.
 
     Where values and each movement's friction are off together, brief fits leave that so slowly that
     the model seems to lack something, and causes that are not there would be taken up.
     """
     try:
-        whole = fit(start, found.parameters, found.values, near=found, refined=False)
+        whole = fit(start, near.parameters, near.values, near=near, refined=False)
     except SolverError:
         return None
     return None if is_worth_a_search(whole) else whole
