@@ -23,7 +23,6 @@ Floats = NDArray[np.float64]
 _indexes = LRUCache[tuple["Index", "xr.Variable"]](64)
 
 
-_single = SharedResults[dict[str, Channel]](64)
 _together = SharedResults[dict[str, Channel]](8)
 _stations = SharedResults[Floats](8)
 
@@ -92,20 +91,11 @@ def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict
         if dimension == "drive" and dimension in used:
             found |= _of_drives(panels)
         elif dimension in used:
-            found |= _stack([_of_dimension(panel, dimension) for panel in panels])
-    return found
-
-
-def _stack(made: Sequence[dict[str, Channel]]) -> dict[str, Channel]:
-    """Return coordinates of panels, which are mostly the very same, stacked."""
-    alike, found = all(one is made[0] for one in made), dict[str, Channel]()
-    for name, (dims, values) in made[0].items():
-        if dims == (name,):
-            found[name] = (dims, values)
-        elif alike:
-            found[name] = (dims, np.broadcast_to(values, (len(made), *values.shape)))
-        else:
-            found[name] = (dims, np.array([one[name][1] for one in made]))
+            made = [_MAKERS[dimension][1](panel) for panel in panels]
+            found |= {
+                name: (dims, v if dims == (name,) else np.array([one[name][1] for one in made]))
+                for name, (dims, v) in made[0].items()
+            }
     return found
 
 
@@ -119,13 +109,6 @@ def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Cha
 def _families_of(dimension: str) -> tuple[str, ...]:
     """Return the families of a panel from which the coordinates of a dimension are made."""
     return ("drive", "machine") if dimension == "drive" else _MAKERS[dimension][0]
-
-
-def _of_dimension(panel: Panel, dimension: str) -> dict[str, Channel]:
-    """Return the coordinates of a dimension, found once: throws vary few of the families."""
-    names, make = _MAKERS[dimension]
-    families = [getattr(panel, name) for name in names]
-    return _single.get(families, [dimension], lambda: make(panel))
 
 
 def _of_drives(panels: Sequence[Panel]) -> dict[str, Channel]:
