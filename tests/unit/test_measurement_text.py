@@ -258,3 +258,12 @@ def test_numbered_statements_and_repeated_numbers_are_no_names(tmp_path: Path) -
     text = f"Channel;Force;Current\nSample rate [Hz];25;25\nOffset;0;0\n{rows}"
     with pytest.raises(FileError, match="line 3: 'Offset' is not a number, in a row of numbers"):
         read_recording(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("end", ["2,49", "2,", "2,490", "2,49\n"])
+def test_a_last_number_that_was_cut_off(tmp_path: Path, end: str) -> None:
+    rows = "".join(f"0,{n:02d};1,5;2,500\n" for n in range(9))
+    recording = read_recording(written(tmp_path, f"Zeit (s);F;I\n{rows}0,09;1,5;{end}"))
+    kept = end == "2,490" or end.endswith("\n")
+    assert recording.channel("I").values.size == 9 + kept
+    assert recording.problems == (() if kept else ("the last line is cut off and left out",))

@@ -32,6 +32,8 @@ _FORMULA = re.compile(rb'(^|[,;\t])="', re.MULTILINE)
 _RULE = re.compile(rb"^[ \t]*(?=[^\n]*[|+])[|+]?[ \t]*:?-{3,}[-|+:= \t\r]*$", re.MULTILINE)
 _EDGE = re.compile(rb"^[ \t]*\||\|[ \t\r]*$", re.MULTILINE)
 """A line drawn between the rows of a table, as Markdown has one; and what stands at its sides."""
+_ALIKE = 8
+"""Last cells of one number of digits that show how many a whole one has."""
 MOST_FOOTER = 40
 """Rows below a table that may be statistics of it; and rows beside it that may be a heading."""
 
@@ -127,11 +129,20 @@ def _cells(text: _Text) -> tuple[Any, list[str]]:
         whole = frame if text.body.endswith("\n") else frame.iloc[:-1]
         _refuse_short_rows(text, np.flatnonzero(whole.iloc[:, -1].isna()))
     # An empty line at the end is none; a row without its last cells was cut off.
-    cut = len(frame) > 1 and not problems and pd.isna(frame.iloc[-1, -1])
-    if cut and frame.iloc[:-1, -1].notna().any() and not text.body.endswith("\n"):
+    unended = len(frame) > 1 and not problems and not text.body.endswith("\n")
+    short = unended and pd.isna(frame.iloc[-1, -1]) and frame.iloc[:-1, -1].notna().any()
+    if short or (unended and _ends_in_fewer_digits(text)):
         frame = frame.iloc[:-1]
         problems.append("the last line is cut off and left out")
     return frame, problems
+
+
+def _ends_in_fewer_digits(text: _Text) -> bool:
+    """Return True if the last cell has fewer digits behind its mark than those above, all alike."""
+    lines = [line for line in text.body.split("\n")[-MOST_FOOTER:] if line.strip()]
+    cells = [split_line(line, text.layout.separator)[-1] for line in lines]
+    *digits, last = [len(cell.partition(text.layout.decimal)[2]) for cell in cells]
+    return len(set(digits)) == 1 and len(digits) >= _ALIKE and last < digits[0]
 
 
 def _refuse_short_rows(text: _Text, rows: Any) -> None:
