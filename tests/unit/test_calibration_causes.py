@@ -27,6 +27,7 @@ from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, brief_fit, fit
 from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
+from turnout.calibration.result_entries import distrust_reasons
 from turnout.calibration.sensors import common_lead
 from turnout.calibration.stages import default_plan
 from turnout.core.errors import SolverError
@@ -103,6 +104,16 @@ def test_what_a_recorder_does_is_found_and_the_remedy_named(
     assert size is None or cause.sizes[0] == size
     assert remedy in cause.text
     assert search.found.values["k"] == pytest.approx(TRUE["k"], rel=5e-3)
+
+
+@pytest.mark.parametrize("by", [AVERAGE, Recorder(low_pass=LowPass(corner=3.0))])
+def test_a_recorder_that_takes_many_samples_is_trusted(by: Recorder) -> None:
+    """The interval between its samples is 0, where a fit begins: that is no bound."""
+    search = search_of(misfit(recorded(by, stated=Recorder(), count=6)))
+    found = search.found
+    final = fit(search.first, found.parameters, found.values, near=found)
+    assert any(name.endswith(".lines") for name in final.values)
+    assert distrust_reasons(final, spread_of(final), ["recorder filter"]) == []
 
 
 def test_the_rate_of_a_recorder_that_filters_is_unknown_too() -> None:

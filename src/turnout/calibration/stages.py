@@ -133,8 +133,13 @@ class Parameter:
         return value if self.transform == "log" else self.scale
 
     def at_bound(self, value: float) -> bool:
-        """Return whether a value lies on a bound, so that the fit would have gone on."""
+        """Return whether a value lies on a bound, so that the fit would have gone on.
+
+        Not where a prior expects it there, as for what is usually none.
+        """
         reach = 1e-6 * (self.upper - self.lower)
+        if self.prior and abs(value - self.start) <= reach:
+            return False
         return value - self.lower <= reach or self.upper - value <= reach
 
 
