@@ -29,7 +29,7 @@ class Watched:
         monotonic = iter(clock).__next__
         patch.setattr("turnout.calibration.calibrate.time", SimpleNamespace(monotonic=monotonic))
         self.states: list[CalibrationProgress] = []
-        self.evaluator: Any = SimpleNamespace(made=0, work=0.0)
+        self.evaluator: Any = SimpleNamespace(made=0, reused=0, work=0.0)
         self.watch = ProgressReporter(self.states.append, 1, **plan)
 
     def left(self, work: float) -> float:
@@ -110,13 +110,16 @@ def test_the_limit_is_over_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_time_of_a_search_follows_from_that_of_throws(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = Watched(monkeypatch, (14.0, 20.0, 20.0, 20.0), planned=80, began=10.0)
+    stage = Watched(monkeypatch, (14.0, 20.0, 20.0, 20.0, 30.0), planned=80, began=10.0)
     assert stage.watch.time_of(100, stage.evaluator) == float("inf")
     stage.evaluator.made, stage.evaluator.work = 40, 50.0
     time = stage.watch.time_of(100, stage.evaluator)
     assert time == pytest.approx(100 * WORK["plain"] * 10.0 / 50.0)
+    stage.evaluator.reused, stage.evaluator.work = 40, 100.0
+    assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(time)
     stage.watch.limit = 15.0
     assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(5.0)
+    assert stage.watch.time_of(100, stage.evaluator) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -40,6 +40,16 @@ def test_lines_of_before_have_no_digest_and_are_read(tmp_path: Path) -> None:
     assert read_lines(path) == [{"value": 1.0}]
 
 
+def test_a_line_whose_digest_lost_its_name_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "lines.jsonl"
+    for value in (1.25, 2.5):
+        append_line(path, {"value": value})
+    first, last = path.read_text().splitlines()
+    path.write_text(f"{first}\n{last.replace('line_digest', 'line_dijest')}\n")
+    with pytest.raises(FileError, match="line 2: is damaged"):
+        read_lines(path)
+
+
 def test_files_of_arrays_are_of_their_key_and_whole_or_nothing(tmp_path: Path) -> None:
     path, arrays = tmp_path / "one.npz", {"a": np.arange(40.0)}
     write_arrays(path, "one", arrays, {"word": "held"})
@@ -60,6 +70,14 @@ def test_a_head_in_a_folder_of_its_own_claims_the_whole_folder(tmp_path: Path) -
     claim_for(folder, head, {"digest": "a" * 20}, what="job")
     with pytest.raises(FileError, match="holds another job .* or give what it was begun with"):
         claim_for(folder, head, {"digest": "b" * 20}, what="job")
+    (folder / head).write_text('{"seed": 3}')
+    with pytest.raises(FileError, match="names no digest, as an older version wrote it"):
+        claim_for(folder, head, {"digest": "a" * 20}, what="job")
+    (folder / head).unlink()
+    (folder / "result.txt").unlink()
+    (folder / ".state" / "part.npz").write_text("of another plan")
+    with pytest.raises(FileError, match="holds no job .part.npz is there"):
+        claim_for(folder, head, {"digest": "a" * 20}, what="job")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "stranger").touch()
     with pytest.raises(FileError, match="is not empty and holds no job .stranger is there"):

@@ -1,8 +1,10 @@
 """The page about a calibration, from a record made by hand."""
 
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +12,14 @@ import xarray as xr
 from tests.unit.calibrations import calibration, fitted
 from typer.testing import CliRunner
 
+from turnout.calibration.comparison import Noise
 from turnout.calibration.result_entries import signals_path
 from turnout.cli.calibrate import result_lines
 from turnout.cli.main import app
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import FileError
 from turnout.figures.report.calibration import (
+    _noise,
     calibration_findings,
     calibration_page,
     interval_sheet,
@@ -148,3 +152,10 @@ def test_the_command_takes_a_calibration(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, [*line, "--panel", "sb2"])
     assert isinstance(done.exception, FileError)
     assert "is not the panel of" in str(done.exception)
+
+
+def test_the_table_of_noise_has_each_of_its_parts() -> None:
+    sizes = asdict(Noise(white=1.0, slow=2.0, missed=3.0, left=4.0))
+    known: Any = SimpleNamespace(noise={"drive_force of drive 1": sizes}, scatter={})
+    (table,) = _noise(known)
+    assert table.rows == [("drive_force of drive 1", *(f"{size:.3g}" for size in sizes.values()))]

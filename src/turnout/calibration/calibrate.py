@@ -261,11 +261,14 @@ class ProgressReporter:
     def time_of(self, throws: int, evaluator: Evaluator) -> float:
         """Return the time that so many plain throws take at the slower pace, the limit at most.
 
-        Those that were kept from before take none: infinite with none made so far [s].
+        Those that were kept from before took none: infinite with none made so far [s].
         """
         spent = time.monotonic() - (self.began or time.monotonic())
-        pace = max(spent / evaluator.work, self.pace) if evaluator.made else float("inf")
-        return min(throws * WORK["plain"] * pace, self.limit - spent)
+        if not evaluator.made:
+            return float("inf")
+        work = evaluator.work * evaluator.made / throws_done(evaluator)
+        pace = max(spent / work, self.pace)
+        return max(min(throws * WORK["plain"] * pace, self.limit - spent), 0.0)
 
     def found(self, misfit: float) -> None:
         """Note the misfit of the latest step."""

@@ -217,7 +217,7 @@ def _linear(
 
 
 def _recorders() -> list[Cause]:
-    """Return what recorders do, each with its delay as size, and lines between samples beside."""
+    """Return filters, means and low rates of recorders, each with its delay as size."""
     average = _recorder_cause(
         "recorder.average", lambda size: Recorder(average=size), tries=(0.03, 0.1, 0.25), least=5e-3
     )

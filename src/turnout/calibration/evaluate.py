@@ -413,7 +413,7 @@ def _small(values: object) -> Floats:
 
 
 def unpacked(kept: Mapping[str, NDArray[Any]], _: object) -> Response:
-    """Return a response from what `packed` made of it."""
+    """Return a response from its `packed` arrays."""
     names = [str(name) for name in kept["drives"]]
     directions = [str(name) for name in kept["directions"]]
     return Response(

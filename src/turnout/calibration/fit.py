@@ -363,7 +363,7 @@ def fit(
 
 
 def _nearer(found: Fit, first: Misfit) -> Fit:
-    """Step by slopes from single throws where much more is to be had than what is rough hides."""
+    """Step by slopes from single throws where they promise more than roughness hides."""
     found = _at(found, found.local)
     step, predicted_decrease = _newton_step(found)
     if predicted_decrease < FAR_DECREASE * len(found.parameters):
@@ -475,7 +475,7 @@ def _reaches(found: Fit) -> Floats:
 
 
 def _stepped(found: Fit, step: Floats, reaches: Floats) -> tuple[Fit, dict[str, tuple[float, ...]]]:
-    """Take a step as slopes foretell it, of `SMOOTH_STEP` at most; with the movement effects then.
+    """Take a step along slopes, of `SMOOTH_STEP` at most; with the movement effects then.
 
     `step` is in coordinates, `reaches` as of `reaches_of`.
     """

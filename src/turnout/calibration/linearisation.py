@@ -88,7 +88,7 @@ class Linearisation:
     quick: bool
 
     def moved(self, values: Mapping[str, float], step: Mapping[str, float]) -> "Linearisation":
-        """Return this with the responses that slopes foretell a step away, without any throw.
+        """Return this with the responses that slopes predict a step away, without any throw.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Linearisation:
         return replace(self, values=values, simulated=simulated)
 
     def each_moved(self, steps: Sequence[Mapping[str, float]]) -> "Linearisation":
-        """Return this with each response as slopes foretell it a step of its own away."""
+        """Return this with each response as slopes predict it a step of its own away."""
         pairs = zip(self.simulated, steps, strict=True)
         simulated = tuple(
             _along(response, self._changes(number, step)) if any(step.values()) else response
@@ -127,7 +127,7 @@ class Linearisation:
     def _changes(
         self, number: int, way: Mapping[str, float]
     ) -> list[tuple[Response, Response, float]]:
-        """Return what slopes foretell over a distance, as shares of differences of responses."""
+        """Return what slopes predict over a distance, as shares of differences of responses."""
         before = self.origin[number]
         return [
             (self.stepped[name][number], before, size / self.steps[name][number])

@@ -57,7 +57,8 @@ def claim_for(folder: Path, head: str, identity: Mapping[str, Any], *, what: str
     if not path.exists():
         own = re.compile(re.escape(path.name))
         try:
-            there = sorted(folder.iterdir()) if folder.is_dir() else []
+            folders = [f for f in dict.fromkeys((folder, path.parent)) if f.is_dir()]
+            there = [item for each in folders for item in sorted(each.iterdir())]
         except OSError as error:
             message = f"{folder}: cannot be read ({error}); name another folder"
             raise FileError(message) from None
@@ -72,10 +73,13 @@ def claim_for(folder: Path, head: str, identity: Mapping[str, Any], *, what: str
         write_atomic(path, json.dumps(identity, indent=1, ensure_ascii=False) + "\n")
         return
     try:
-        digest = str(json.loads(path.read_text(encoding="utf-8")).get("digest"))
+        digest = json.loads(path.read_text(encoding="utf-8")).get("digest")
     except (OSError, ValueError, AttributeError) as error:
         message = f"{path}: cannot be read ({error}); name another folder"
         raise FileError(message) from None
+    if not isinstance(digest, str):
+        message = f"{path}: names no digest, as an older version wrote it; name another folder"
+        raise FileError(message)
     if digest != identity["digest"]:
         message = (
             f"{folder}: holds another {what} (digest {digest[:12]}, this is "
@@ -87,7 +91,7 @@ def claim_for(folder: Path, head: str, identity: Mapping[str, Any], *, what: str
 def read_lines(path: Path) -> list[Line]:
     """Read the records of a file; a last line that was cut off is dropped from it.
 
-    Lines without a digest, as older ones are, are taken as they are.
+    Lines without a digest before the first that has one, as older ones are, are taken as they are.
 
     Raises
     ------
@@ -100,7 +104,7 @@ def read_lines(path: Path) -> list[Line]:
     whole = text[: text.rfind("\n") + 1]
     if whole != text:
         write_atomic(path, whole)
-    found = []
+    found, signed = [], False
     for number, line in enumerate(whole.splitlines(), 1):
         try:
             record = json.loads(line)
@@ -108,7 +112,8 @@ def read_lines(path: Path) -> list[Line]:
                 message = "no table"
                 raise TypeError(message)
             said = record.pop(DIGEST, None)
-            if said is not None and said != _line_digest(record):
+            signed = signed or said is not None
+            if signed and said != _line_digest(record):
                 message = "its content is not that of its digest"
                 raise ValueError(message)
         except (ValueError, TypeError) as error:
@@ -118,7 +123,7 @@ def read_lines(path: Path) -> list[Line]:
     return found
 
 
-def append_line(path: Path, record: object) -> None:
+def append_line(path: Path, record: Mapping[str, Any]) -> None:
     """Append a record, in which numbers that are not finite become texts.
 
     Raises
@@ -156,7 +161,7 @@ def write_arrays(
 
 
 def read_arrays(path: Path, key: str, make: Callable[[Arrays, Any], T]) -> T | None:
-    """Return what is made of arrays and plain data of a file.
+    """Make an object of the arrays and plain data of a file.
 
     None if it is missing, damaged, or of another key: what it held is then computed again.
     """

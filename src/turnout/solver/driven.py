@@ -415,7 +415,7 @@ def machine_history(
     booked: slice | NDArray[np.int64],
     pauses: tuple[Pause, ...],
 ) -> MachineHistory | None:
-    """Return what the machines of a run left behind at its stored instants [s].
+    """Return states and events of the machines of a run at its stored instants [s].
 
     `booked` are the rows of their energies.
     """

@@ -75,7 +75,7 @@ def energy_balance(stored: Floats, ledger: Floats) -> tuple[float, float]:
         Largest residual of all instants, NaN if one is; largest sum of the work of the markers and
         the change of stored energy, both without their signs.
     """
-    with np.errstate(invalid="ignore", over="ignore"):  # of a run that went astray
+    with np.errstate(invalid="ignore", over="ignore"):  # of a run that diverged
         change, residual = unaccounted_energy(stored, ledger)
         turned_over = np.abs(ledger[:, MARKERS]) + np.abs(change)
     largest = np.abs(residual).max(initial=0.0)

@@ -402,7 +402,6 @@ def update_segments(run: Run, state: State, one_at_a_time: bool) -> int:
             if one_at_a_time:
                 return count
     return count
-    return count
 
 
 @compiled_part
@@ -425,7 +424,6 @@ def update_branches(run: Run, state: State, count: int, one_at_a_time: bool) -> 
             count = mark_row(work, count, table.friction_row[friction])
             if one_at_a_time:
                 return count
-    return count
     return count
 
 

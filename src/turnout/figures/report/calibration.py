@@ -267,6 +267,7 @@ def _noise(calibration: Calibration) -> list[Table]:
         "slow_length": "correlated over [s]",
         "missed": "Missed by the model [N]",
         "missed_length": "correlated over [s]",
+        "left": "Missed alike, from bin to bin [N]",
     }
     noise = [
         (channel, *(f"{sizes[key]:.3g}" if key in sizes else "-" for key in parts))

@@ -197,7 +197,7 @@ def piece_arrays(piece: RecordedThrow) -> tuple[dict[str, NDArray[Any]], dict[st
 def piece_of_arrays(
     arrays: Mapping[str, NDArray[Any]], described: Mapping[str, Any]
 ) -> RecordedThrow:
-    """Return a piece from what `piece_arrays` made of it."""
+    """Return a piece from its `piece_arrays`."""
     dataset = xr.Dataset(
         {name: (dims, arrays[name]) for name, dims in described["dims"].items()},
         {"time": arrays["time"], "drive": arrays["drive"]},
