@@ -123,8 +123,8 @@ def read_lines(path: Path) -> list[Line]:
     return found
 
 
-def append_line(path: Path, record: Mapping[str, Any]) -> None:
-    """Append a record, in which numbers that are not finite become texts.
+def append_line(path: Path, record: object) -> None:
+    """Append a mapping or record, in which numbers that are not finite become texts.
 
     Raises
     ------
