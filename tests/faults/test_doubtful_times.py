@@ -574,3 +574,112 @@ def test_throws_whose_curves_stand_in_inner_objects(tmp_path: Path) -> None:
 def test_a_number_of_each_row_is_no_channel(tmp_path: Path) -> None:
     text = "Sample rate: 25 Hz\nthrow,Force\n" + "".join(f"{n},{f}\n" for n, f in enumerate(FORCE))
     assert list(read(tmp_path / "throw.csv", text).channels) == ["Force"]
+
+
+ROWS = list(zip(FORCE, CURRENT, strict=True))
+NAMED = {name: {"values": values} for name, values in LISTS.items()}
+
+
+@pytest.mark.parametrize(
+    "inner", [{"adc": {"sample_rate": 8000}}, {"trigger": {"t0": 0.5}}, {"filter": {"dt": 0.001}}]
+)
+def test_facts_of_a_part_of_a_channel_are_none_of_its_clock(
+    tmp_path: Path, inner: dict[str, object]
+) -> None:
+    channels = [{"name": name, "fs": 25, "values": v, **inner} for name, v in LISTS.items()]
+    force = read(tmp_path / "throw.json", {"channels": channels}).channel("Force")
+    assert (force.rate, force.start) == (25.0, 0.0)
+
+
+def test_equal_names_in_objects_of_a_row(tmp_path: Path) -> None:
+    rows = [
+        {"t": n * 0.04, "left": {"force": f}, "right": {"force": -f, "current": i}}
+        for n, (f, i) in enumerate(ROWS)
+    ]
+    recording = read(tmp_path / "throw.json", rows)
+    assert list(recording.channels) == ["left.force", "right.force", "current"]
+    np.testing.assert_array_equal(recording.channel("left.force").values, FORCE)
+    row = {"throw": 1, "fs": 25, "signals": {"Force": FORCE.tolist()}, "sensor": {"Force": 3.0}}
+    recording = read(tmp_path / "throw.json", [row])
+    np.testing.assert_array_equal(recording.channel("signals.Force").values, FORCE)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"data": LISTS},
+        {"rows": [{"Force": force} for force in FORCE]},
+        {"channels": NAMED},
+        {"channels": [{"name": name, **item} for name, item in NAMED.items()]},
+    ],
+)
+def test_a_list_in_an_object_beside_the_recording(tmp_path: Path, more: dict[str, object]) -> None:
+    with pytest.raises(FileError, match="holds no table, or more than one"):
+        read(tmp_path / "throw.json", {"fs": 25, "limits": {"unit": "N", "values": [1, 2]}, **more})
+
+
+@pytest.mark.parametrize("more", [{"fs": 50}, {"time": [0.08 * n for n in range(COUNT)]}])
+def test_a_clock_of_its_own_beside_times_of_all(tmp_path: Path, more: dict[str, object]) -> None:
+    held = {"time": {"values": [0.04 * n for n in range(COUNT)]}, **NAMED}
+    with pytest.raises(FileError, match="'Force' has a clock of its own beside 'time'; leave one"):
+        read(tmp_path / "throw.json", {**held, "Force": {**NAMED["Force"], **more}})
+    named = {**held, "Force": {**NAMED["Force"], "name": "Rod 1"}}
+    assert list(read(tmp_path / "throw.json", named).channels) == ["Rod 1", "Speed"]
+
+
+def test_a_rate_around_channels_by_name(tmp_path: Path) -> None:
+    assert read(tmp_path / "throw.json", {"rate": 25, **NAMED}).channel("Force").rate == 25.0
+    with pytest.raises(FileError, match="neither times nor a sample rate are known"):
+        read(tmp_path / "throw.json", {"rate": 25, "rpm": 1400, **NAMED})
+
+
+@pytest.mark.parametrize("names", ["TS1;TS2", "Tempo 1;Tempo 2"])
+def test_numbered_columns_that_rise_behind_a_time(tmp_path: Path, names: str) -> None:
+    rows = "".join(f"{n * 0.04:.2f};{20 + n / 100};{n / 50};{f}\n" for n, f in enumerate(FORCE))
+    recording = read(tmp_path / "throw.csv", f"Time (s);{names};Force\n{rows}")
+    assert list(recording.channels) == [*names.split(";"), "Force"]
+    assert recording.channel("Force").rate == 25.0
+    again = "".join(f"{n * 0.04:.2f};{f};{n / 50};{f}\n" for n, f in enumerate(FORCE))
+    recording = read(tmp_path / "throw.csv", f"Time;Force;Time 2;Current\n{again}")
+    assert recording.channel("Current").rate == 50.0
+
+
+@pytest.mark.parametrize(("left", "right"), [("", ""), ("|", "|"), ("", "|"), ("|", "")])
+@pytest.mark.parametrize("rule", ["---|---|---", "---+---+---"])
+def test_an_empty_cell_at_the_side_of_a_table_with_bars(
+    tmp_path: Path, left: str, right: str, rule: str
+) -> None:
+    cells = [["" if n == 1 else f"{f}", f"{i}", f"{n % 7}"] for n, (f, i) in enumerate(ROWS)]
+    cells[2][2] = ""
+    table = [["F", "I", "K"], *cells]
+    lines = [f"{left}{'|'.join(row)}{right}" for row in table]
+    text = "\n".join(["Sample rate: 25 Hz", lines[0], f"{left}{rule}{right}", *lines[1:], ""])
+    recording = read(tmp_path / "throw.txt", text)
+    assert list(recording.channels) == ["F", "I", "K"]
+    assert np.flatnonzero(np.isnan(recording.channel("F").values)).tolist() == [1]
+    assert np.flatnonzero(np.isnan(recording.channel("K").values)).tolist() == [2]
+    np.testing.assert_array_equal(recording.channel("I").values, CURRENT)
+
+
+def test_a_line_of_dashes_among_samples_is_a_gap(tmp_path: Path) -> None:
+    rows = [f"{f}|{i}" for f, i in ROWS]
+    text = "\n".join(["Sample rate: 25 Hz", "F|I", *rows[:3], "---|----", *rows[3:], ""])
+    assert read(tmp_path / "throw.csv", text).channel("F").values.size == COUNT + 1
+
+
+@pytest.mark.parametrize("line", ["Sample rate;25;25", "Sampling rate [Hz];25;25", "dt [ms];40;40"])
+def test_a_rate_below_a_heading_with_a_time(tmp_path: Path, line: str) -> None:
+    lines = [f"{n * 0.04:.2f};{f};{i}" for n, (f, i) in enumerate(ROWS)]
+    recording = read(tmp_path / "throw.csv", "\n".join(["Time;F;I", line, *lines, ""]))
+    assert recording.channel("F").rate == 25.0
+
+
+def test_names_with_the_numbers_of_their_columns(tmp_path: Path) -> None:
+    lines = [f"{n * 40};{f};{i}" for n, (f, i) in enumerate(ROWS)]
+    heading = "1=Time [ms];2=Force [N];3=Current [A]"
+    recording = read(tmp_path / "throw.csv", "\n".join([heading, *lines, ""]))
+    assert [(c.name, c.unit) for c in recording.channels.values()] == [
+        ("Force", "N"),
+        ("Current", "A"),
+    ]
+    assert recording.channel("Force").rate == 25.0

@@ -177,8 +177,8 @@ def is_time_name(name: str) -> bool:
     [True, True, True, True, False]
     """
     word = squeezed(name)
-    # T1 may be a temperature.
-    return _TIME.fullmatch(word) is not None and re.fullmatch(r"t\d+", word) is None
+    # T1 and TS1 may be temperatures.
+    return _TIME.fullmatch(word) is not None and re.fullmatch(r"ts?\d+", word) is None
 
 
 def is_numbered_channel(
@@ -186,7 +186,7 @@ def is_numbered_channel(
 ) -> bool:
     """Return True if a column called as a time with a number, without a unit, is a channel.
 
-    That is one that falls, or stands beside a time with its unit.
+    That is one that falls, or stands behind another time.
 
     Examples
     --------
@@ -243,6 +243,11 @@ def is_called(name: str, kind: Kind) -> bool:
     (True, True, False)
     """
     return _KINDS[kind].fullmatch(squeezed(name).replace("-", "")) is not None
+
+
+def is_rate_name(name: str) -> bool:
+    """Return True for a name of a rate or an interval of samples."""
+    return any(pattern.fullmatch(squeezed(name).replace("-", "")) for pattern, _ in _RATES)
 
 
 def is_speed(text: str) -> bool:
@@ -457,9 +462,11 @@ class StatedClock:
     def within(self, outer: "StatedClock") -> "StatedClock":
         """Return this clock, completed by that around it."""
         rated = bool(self.rates or (self.weak and not self.turning))
+        weak = [] if rated or outer.turning else outer.weak
         return replace(
             self,
             rates=self.rates if rated else [item.in_seconds(outer.unit) for item in outer.rates],
+            weak=self.weak or [item.in_seconds(outer.unit) for item in weak],
             reduced=self.reduced or ([] if rated else outer.reduced),
             first=self.first or (None if outer.start is None else (outer.start, False)),
             unit=self.unit or outer.unit,

@@ -388,7 +388,7 @@ def _name_axes(table: Table) -> None:
         bare = column.name.rstrip("0123456789 _") if timed else column.name
         named = is_time_name(bare) or (rises and word)
         by_unit = timed and (rises or is_called(column.name, "abscissa"))
-        beside = place - 1 in table.axes and is_time_unit(table.columns[place - 1].unit)
+        beside = any(_is_of_another_name(table, before, place) for before in table.axes)
         if (
             not (named or by_unit or another or place in days)
             or (letter and column.unit and not timed)
@@ -416,6 +416,16 @@ def _name_axes(table: Table) -> None:
             table.axes[0] = TimeAxis(table.values.pop(0))
             if single is None:
                 table.problems.append("column 1 rises evenly and is taken for the time [s]")
+
+
+def _is_of_another_name(table: Table, before: int, place: int) -> bool:
+    """Return True if a time stands before a column that is not numbered as another of that name.
+
+    Right beside it, a time with its unit may have that name.
+    """
+    held, later = (table.columns[number] for number in (before, place))
+    stems = {squeezed(column.name).rstrip("0123456789") for column in (held, later)}
+    return before < place and (len(stems) == 2 or (before == place - 1 and is_time_unit(held.unit)))
 
 
 def _has_holes(values: Floats) -> bool:

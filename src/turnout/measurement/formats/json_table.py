@@ -1,6 +1,7 @@
 """JSON: tables by rows or by columns, lists of channels, JSON lines."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,7 @@ NO_TIME = "give a column 'Time (s)' or a key 'sample_rate' [1/s]"
 _VALUES = ("values", "data", "samples", "y", "ydata")
 _NAMES = ("name", "label", "channel", "signal", "id")
 _UNITS = ("unit", "units")
+_CLOCKS = ("sampling", "clock", "timebase")
 _LARGEST_DEPTH = 5
 
 
@@ -125,12 +127,26 @@ def _plain(value: Any) -> Any:
     return f"{number} {unit}" if unit else number
 
 
-def _flat(row: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return a row with the contents of inner objects, of equal names the outer one."""
-    cells = {str(key): _plain(value) for key, value in row.items()}
-    inner = [_flat(value) for value in cells.values() if isinstance(value, Mapping)]
-    own = {key: value for key, value in cells.items() if not isinstance(value, Mapping)}
-    return {**{key: value for found in inner for key, value in found.items()}, **own}
+def _flat(row: Mapping[Any, Any], around: tuple[str, ...] = ()) -> dict[tuple[str, ...], Any]:
+    """Return the cells of a row and of its inner objects, by the names that lead to each."""
+    cells: dict[tuple[str, ...], Any] = {}
+    for key, value in row.items():
+        name, cell = (*around, str(key)), _plain(value)
+        cells |= _flat(cell, name) if isinstance(cell, Mapping) else {name: cell}
+    return cells
+
+
+def _by_rows_of_names(held: Sequence[Mapping[Any, Any]]) -> dict[str, NDArray[Any]]:
+    """Return the columns of rows by name; equal names keep those of their objects: left.force."""
+    opened = [_flat(row) for row in held]
+    keys = list(dict.fromkeys(key for row in opened for key in row))
+    count = Counter(key[-1] for key in keys)
+    names = [key[-1] if count[key[-1]] == 1 else ".".join(key) for key in keys]
+    if twice := [name for name, times in Counter(names).items() if times > 1]:
+        message = f"its rows hold '{twice[0]}' more than once; export a name for each"
+        raise ValueError(message)
+    cells = [_cells([row.get(key) for row in opened]) for key in keys]
+    return dict(zip(names, cells, strict=True))
 
 
 def _first_of(held: Any, names: Sequence[str], default: Any) -> Any:
@@ -140,14 +156,49 @@ def _first_of(held: Any, names: Sequence[str], default: Any) -> Any:
 
 
 def _by_name(held: Mapping[str, Any], units: dict[str, str]) -> Any:
-    """Return channels that stand under their names as a list, or as lists with their times."""
-    found = {str(k): v for k, v in held.items() if _is_curve(_first_of(v, _VALUES, None))}
-    if not found or any(map(_is_curve, held.values())):
+    """Return channels that stand under their names as a list, or as lists with their times.
+
+    They do not where another table stands beside them.
+    """
+    found = {str(k): v for k, v in held.items() if _is_channel(v)}
+    others = {k: v for k, v in held.items() if str(k) not in found}
+    by_number = {k: v for k, v in others.items() if isinstance(v, Mapping)}
+    if not found or any(map(_holds_samples, others.values())) or _columns(by_number) is not None:
         return held
-    if any(map(is_time_name, found)):
-        units |= {name: str(_first_of(item, _UNITS, "")) for name, item in found.items()}
-        return {name: _first_of(item, _VALUES, []) for name, item in found.items()}
-    return [{"name": name, **item} for name, item in found.items()]
+    times = [name for name in found if is_time_name(name)]
+    if not times:
+        return [{"name": name, **item} for name, item in found.items()]
+    for name, item in found.items():
+        if any(_is_clock(key, value) for key, value in item.items()):
+            message = f"'{name}' has a clock of its own beside '{times[0]}'; leave one"
+            raise ValueError(message)
+    named = {str(item.get("name", name)): item for name, item in found.items()}
+    named = named if len(named) == len(found) and any(map(is_time_name, named)) else found
+    units |= {name: str(_first_of(item, _UNITS, "")) for name, item in named.items()}
+    return {name: _first_of(item, _VALUES, []) for name, item in named.items()}
+
+
+def _is_channel(held: Any) -> bool:
+    """Return True for an object with one curve, beside which only times may stand."""
+    curves = {k: v for k, v in held.items() if _is_curve(v)} if isinstance(held, Mapping) else {}
+    named = _is_curve(_first_of(held, _VALUES, None))
+    return named and sum(not is_time_name(str(key)) for key in curves) == 1
+
+
+def _is_clock(key: str, value: Any) -> bool:
+    """Return True for times, and for a rate, an interval, a start or samples left out."""
+    if is_time_name(str(key)) and isinstance(value, list):
+        return True
+    own = stated_clock(*_own_facts({key: value}), own=True)
+    return bool(own.rates or own.weak or own.reduced or own.moments or own.first)
+
+
+def _holds_samples(held: Any) -> bool:
+    """Return True for a curve, and for rows or channels however deep."""
+    if isinstance(held, Mapping):
+        return any(map(_holds_samples, held.values()))
+    rows = isinstance(held, list) and any(isinstance(item, Mapping | list) for item in held)
+    return rows or (_is_curve(held) and len(held) > 1)
 
 
 def _facts(held: Mapping[str, Any], units: dict[str, str]) -> list[dict[str, Any]]:
@@ -166,6 +217,16 @@ def _facts(held: Mapping[str, Any], units: dict[str, str]) -> list[dict[str, Any
     return [*facts, _scalars(held)]
 
 
+def _own_facts(item: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return single values of a channel, also those of objects called as its clock."""
+    facts = []
+    for key, value in item.items():
+        if isinstance(value, Mapping):
+            *inner, own = _own_facts(value)
+            facts += [*inner, own] if squeezed(str(key)) in _CLOCKS else inner
+    return [*facts, _scalars(item)]
+
+
 def _holds_lists(held: Mapping[str, Any]) -> bool:
     inner = [value for value in held.values() if isinstance(value, Mapping)]
     return any(isinstance(v, list) for v in held.values()) or any(map(_holds_lists, inner))
@@ -175,9 +236,7 @@ def _columns(held: Any) -> dict[str, NDArray[Any]] | None:
     """Return the columns of a table in one of its shapes; None if it is none."""
     if isinstance(held, list):
         if held and all(isinstance(row, Mapping) for row in held):
-            opened = [_flat(row) for row in held]
-            keys = list(dict.fromkeys(key for row in opened for key in row))
-            return {key: _cells([row.get(key) for row in opened]) for key in keys}
+            return _by_rows_of_names(held)
         if len(held) > 1 and all(isinstance(row, list) for row in held):
             if all(isinstance(cell, str) for cell in held[0]):
                 return _by_rows(held[0], held[1:])
@@ -251,7 +310,7 @@ def _channels(
             return [], []
         bare, unit = named_unit(str(name), str(_first_of(item, _UNITS, "")))
         times = {str(k): v for k, v in item.items() if is_time_name(str(k)) and isinstance(v, list)}
-        own = stated_clock(*_facts(item, {}), own=True)
+        own = stated_clock(*_own_facts(item), own=True)
         clock = own.within(stated)
         columns = [TableColumn(key, _cells(cells)) for key, cells in times.items()]
         columns.append(TableColumn(bare, _cells(values), unit))

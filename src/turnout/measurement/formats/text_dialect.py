@@ -20,6 +20,7 @@ from turnout.core.sheet_rows import split_row
 from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
 from turnout.measurement.formats.clock import (
     StatedClock,
+    is_rate_name,
     is_time_name,
     is_time_unit,
     squeezed,
@@ -67,7 +68,8 @@ SHORT, LONG = "\0", "\1"
 _SPOKEN = re.compile(r"\W*([^\W\d][^\d]*?)\s+([+\-]?[\d.,]+\s?[^\W\d]\S*)")
 """A statement without a separator: "Abtastrate 25 Hz"."""
 _LABEL_ALONE = re.compile(r"[^:=]*[:=]\s*(?:[,;\t]|\Z)")
-_NUMBERED_LABEL = re.compile(r"\d+ ?= ?[^\W\d]")
+_NUMBERED = re.compile(r"(\d+) ?= ?([^\W\d].*)")
+"""A statement, "1=Force"; one above each column, with its number, is its name."""
 _NEXT_LABEL = re.compile(r"[;,]\s+(?=[^\W\d][^:=]*[:=])")
 _LABELLED = re.compile(r'\s*["#%]*\s*([^:=\t;,"]{2,60}?)\s*["]?\s*[:=]\s*(.*\S)\s*')
 
@@ -264,12 +266,16 @@ def _heading(
         if not cells or cells[0].lower().startswith("sep=") or (logger and number == 0):
             continue
         left_out = found.stated.leaves_out(" ".join(cells))
-        # Below a time a word before as many numbers is no statement.
+        # Below a time a word before as many numbers is no statement, unless one of a rate.
         named = any(is_time_name(split_unit(cell)[0]) for _, above in wide for cell in above)
-        words = not (named and whole and width > 1 and _are_numbers(cells[1:]))
+        timed = named and whole and width > 1 and _are_numbers(cells[1:])
+        words = not timed or is_rate_name(split_unit(cells[0])[0])
         if words and _labelled(cells, width, found, decimal, beside=not first_empty) or left_out:
             continue
-        if _NUMBERED_LABEL.match(cells[0]) or (len(cells) < 3 and _LABEL_ALONE.match(cells[0])):
+        numbered = [_NUMBERED.fullmatch(cell) for cell in cells] if whole and width > 1 else []
+        if [match and int(match[1]) for match in numbered] == list(range(1, len(numbered) + 1)):
+            cells = [match[2] if match else "" for match in numbered] or cells
+        if _NUMBERED.match(cells[0]) or (len(cells) < 3 and _LABEL_ALONE.match(cells[0])):
             continue
         if first_empty and cells[0] and not (whole and number == len(rows) - 1):
             continue

@@ -15,7 +15,7 @@ from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.clock import StatedClock
 from turnout.measurement.formats.extent import MOST_CHANNELS
 from turnout.measurement.formats.file_table import Table, TableColumn
-from turnout.measurement.formats.numbers import EMPTY, is_missing, unclear_mark
+from turnout.measurement.formats.numbers import EMPTY, is_missing, is_number, unclear_mark
 from turnout.measurement.formats.text_dialect import (
     SAMPLE_SIZE,
     TextLayout,
@@ -30,8 +30,9 @@ _EMPTY_LINE = re.compile(r"\n[ \t]*(?=\n)")
 _FORMULA = re.compile(rb'(^|[,;\t])="', re.MULTILINE)
 """A cell that Excel shall keep as a text: ="0.5"."""
 _RULE = re.compile(rb"^[ \t]*(?=[^\n]*[|+])[|+]?[ \t]*:?-{3,}[-|+:= \t\r]*$", re.MULTILINE)
-_EDGE = re.compile(rb"^[ \t]*\||\|[ \t\r]*$", re.MULTILINE)
-"""A line drawn between the rows of a table, as Markdown has one; and what stands at its sides."""
+"""A line drawn between the rows of a table, as Markdown has one."""
+_EDGES = tuple(re.compile(side, re.MULTILINE) for side in (rb"^[ \t]*\|", rb"\|[ \t\r]*$"))
+"""The bars that may stand on its sides."""
 _ALIKE = 8
 """Last cells of one number of digits that show how many a whole one has."""
 MOST_FOOTER = 40
@@ -66,12 +67,38 @@ def text_table(content: bytes, *, source: str) -> Table:
         When there is none, or its rows differ in width.
     """
     content = _FORMULA.sub(rb'\1"', content) if b'="' in content else content
-    rules = _RULE.findall(content[:SAMPLE_SIZE])
-    if len(rules) == 1 or (rules and all(rule.lstrip().startswith(b"+") for rule in rules)):
-        content = _EDGE.sub(b"", _RULE.sub(b"", content))
+    content = _without_lines_drawn(content)
     layout = text_layout(content[:SAMPLE_SIZE], source=source)
     with refused_of(source):
         return _table(content, layout, source)
+
+
+def _without_lines_drawn(content: bytes) -> bytes:
+    """Leave out the lines drawn between heading and numbers, and bars that all rows have outside.
+
+    One below a row of numbers is a row of gaps.
+    """
+    sample = content[:SAMPLE_SIZE]
+    rules = list(_RULE.finditer(sample))
+    framed = all(rule[0].lstrip().startswith(b"+") for rule in rules)
+    if not rules or not (framed or len(rules) == 1):
+        return content
+    heading = sample[: rules[0].start()].rstrip().split(b"\n")[-1]
+    rows = sample[rules[0].end() :].split(b"\n")
+    rows = rows if sample.endswith(b"\n") else rows[:-1]
+    if not framed:
+        cells = heading.decode("latin-1").split("|")
+        if all(
+            any(is_number(cell.strip(), mark) for mark in ".,") for cell in cells if cell.strip()
+        ):
+            return content
+        rows = [heading, *rows]
+    rows = [row for row in rows if b"|" in row and not _RULE.fullmatch(row)]
+    content = _RULE.sub(b"", content, count=0 if framed else 1)
+    for edge in _EDGES:
+        if all(map(edge.search, rows)):
+            content = edge.sub(b"", content)
+    return content
 
 
 def _table(content: bytes, layout: TextLayout, source: str) -> Table:
