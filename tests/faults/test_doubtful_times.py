@@ -683,3 +683,14 @@ def test_names_with_the_numbers_of_their_columns(tmp_path: Path) -> None:
         ("Current", "A"),
     ]
     assert recording.channel("Force").rate == 25.0
+
+
+def test_a_dataset_of_one_sample_with_its_rate(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "throw.h5", "w") as file:
+        for name, data in (("Force", FORCE), ("Current", CURRENT[:1]), ("no", [7])):
+            file.create_dataset(name, data=data).attrs.update({} if name == "no" else {"fs": 25.0})
+    recording = read_recording(tmp_path / "throw.h5")
+    assert {name: c.values.size for name, c in recording.channels.items()} == {
+        "Force": COUNT,
+        "Current": 1,
+    }

@@ -267,3 +267,32 @@ def test_a_last_number_that_was_cut_off(tmp_path: Path, end: str) -> None:
     kept = end == "2,490" or end.endswith("\n")
     assert recording.channel("I").values.size == 9 + kept
     assert recording.problems == (() if kept else ("the last line is cut off and left out",))
+
+
+@pytest.mark.parametrize(
+    ("cells", "end", "words"),
+    [
+        ([f"1,{n % 8 + 1}" for n in range(9)], "2", "check the last line: '2' has fewer digits"),
+        ([f"1,{n}1" for n in range(9)], "1,9", "check the last line: '1,9' has fewer digits"),
+        ([f"1,{n}0" for n in range(9)], "2", "check the last line: '2' has fewer digits"),
+        ([f"1,{n}1" for n in range(9)], "OVL", "channel 'I': 1 cell is overload"),
+    ],
+)
+def test_a_last_number_that_may_be_whole_is_kept(
+    tmp_path: Path, cells: list[str], end: str, words: str
+) -> None:
+    lines = [f"0,{n:02d};{n}1,5;{cell}" for n, cell in enumerate([*cells, end])]
+    recording = read_recording(written(tmp_path, "\n".join(["Zeit (s);F;I", *lines])))
+    assert recording.channel("I").values.size == 10
+    assert len(recording.problems) == 1
+    assert recording.problems[0].startswith(words)
+
+
+def test_names_of_digits_alike_behind_a_time_and_marks_as_names(tmp_path: Path) -> None:
+    lines = [f"0,{n:02d};{n};{n}1,5" for n in range(9)]
+    recording = read_recording(written(tmp_path, "\n".join(["Time (s);418;418", *lines, ""])))
+    assert list(recording.channels) == ["418", "418 (2)"]
+    recording = read_recording(written(tmp_path, "\n".join(["Time (s);%;F", *lines, ""])))
+    assert list(recording.channels) == ["%", "F"]
+    recording = read_recording(written(tmp_path, "\n".join(["Time (s);#;F", *lines, ""])))
+    assert list(recording.channels) == ["F"]

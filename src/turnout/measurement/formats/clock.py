@@ -139,8 +139,8 @@ _KINDS: dict[Kind, re.Pattern[str]] = {
     "direction": re.compile(r"direction|dir|richtung|riktning|sens"),
     "id": re.compile(r"id"),
     "index": re.compile(
-        r"|(?:sample|scan|point|record|row|data|mess)?(?:index|idx|no|nr|number|num|nummer|count|"
-        r"punkt)|n|i|k|x|rn|#|sample|samples|scan|point|points|record|row|line|zeile|sequence|seq|"
+        r"(?:sample|scan|point|record|row|data|mess)?(?:index|idx|no|nr|number|num|nummer|count|"
+        r"punkt)|n|i|k|x|rn|sample|samples|scan|point|points|record|row|line|zeile|sequence|seq|"
         r"counter|t|time|indexlevel0|unnamed0"
     ),
     "signal": re.compile(
@@ -242,7 +242,10 @@ def is_called(name: str, kind: Kind) -> bool:
     >>> is_called("Throw no.", "throw"), is_called("", "index"), is_called("Force", "index")
     (True, True, False)
     """
-    return _KINDS[kind].fullmatch(squeezed(name).replace("-", "")) is not None
+    word = squeezed(name).replace("-", "")
+    if not word:  # other marks, such as %, may name a channel
+        return kind == "index" and name.strip(" \"'") in ("", "#")
+    return _KINDS[kind].fullmatch(word) is not None
 
 
 def is_rate_name(name: str) -> bool:

@@ -170,7 +170,8 @@ def _by_name(held: Mapping[str, Any], units: dict[str, str]) -> Any:
         return [{"name": name, **item} for name, item in found.items()]
     for name, item in found.items():
         if any(_is_clock(key, value) for key, value in item.items()):
-            message = f"'{name}' has a clock of its own beside '{times[0]}'; leave one"
+            beside = "its times" if name in times else f"'{times[0]}'"
+            message = f"'{name}' has a clock of its own beside {beside}; leave one"
             raise ValueError(message)
     named = {str(item.get("name", name)): item for name, item in found.items()}
     named = named if len(named) == len(found) and any(map(is_time_name, named)) else found

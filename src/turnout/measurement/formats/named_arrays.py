@@ -180,7 +180,7 @@ def columns_of_arrays(
         vector, mine, own = array.vector, over.get(name), array.clock.rate_of_rows()
         clock = array.clock.within(_clock_of(name, clocks))
         along = {key: axis for key, axis in times.items() if mine in (over.get(key, mine), None)}
-        if name in named or (vector is not None and vector.size == 1):
+        if name in named or (vector is not None and vector.size == 1 and not own):
             continue
         if vector is not None:
             axis = None if own else _time_of(name, vector.size, along)

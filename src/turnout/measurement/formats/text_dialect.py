@@ -269,7 +269,9 @@ def _heading(
         # Below a time a word before as many numbers is no statement, unless one of a rate.
         named = any(is_time_name(split_unit(cell)[0]) for _, above in wide for cell in above)
         timed = named and whole and width > 1 and _are_numbers(cells[1:])
-        words = not timed or is_rate_name(split_unit(cells[0])[0])
+        first = split_unit(cells[0])[0]
+        digits = whole and width > 1 and is_time_name(first) and all(map(str.isdigit, cells[1:]))
+        words = is_rate_name(first) or not (timed or digits)  # digits may be names
         if words and _labelled(cells, width, found, decimal, beside=not first_empty) or left_out:
             continue
         numbered = [_NUMBERED.fullmatch(cell) for cell in cells] if whole and width > 1 else []
@@ -392,7 +394,9 @@ def _choose(wide: list[tuple[int, list[str]]], found: Heading, decimal: str | No
 def _refuse_numbers(line: int, cells: list[str], decimal: str | None, *, below: bool) -> None:
     """Refuse a row that seems to be one of numbers with something unreadable before them."""
     filled = [cell for cell in cells if cell]
-    no_names = below or len({*filled}) < len(filled)  # which may be digits
+    # Which may be digits, also alike behind the name of a time.
+    timed = any(is_time_name(split_unit(cell)[0]) for cell in filled[:1])
+    no_names = below or (len({*filled}) < len(filled) and not timed)
     values = [c for c in filled if is_number(c, decimal or ".") and (no_names or not c.isdigit())]
     if 2 * len(values) >= len(filled) > 0:
         wrong = next((cell for cell in filled if cell not in values), "")

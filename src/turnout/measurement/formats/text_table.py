@@ -33,6 +33,7 @@ _RULE = re.compile(rb"^[ \t]*(?=[^\n]*[|+])[|+]?[ \t]*:?-{3,}[-|+:= \t\r]*$", re
 """A line drawn between the rows of a table, as Markdown has one."""
 _EDGES = tuple(re.compile(side, re.MULTILINE) for side in (rb"^[ \t]*\|", rb"\|[ \t\r]*$"))
 """The bars that may stand on its sides."""
+_DECIMALS = re.compile(r"[+\-]?(\d+)(?:\.(\d*))?")
 _ALIKE = 8
 """Last cells of one number of digits that show how many a whole one has."""
 MOST_FOOTER = 40
@@ -158,18 +159,28 @@ def _cells(text: _Text) -> tuple[Any, list[str]]:
     # An empty line at the end is none; a row without its last cells was cut off.
     unended = len(frame) > 1 and not problems and not text.body.endswith("\n")
     short = unended and pd.isna(frame.iloc[-1, -1]) and frame.iloc[:-1, -1].notna().any()
-    if short or (unended and _ends_in_fewer_digits(text)):
-        frame = frame.iloc[:-1]
-        problems.append("the last line is cut off and left out")
-    return frame, problems
+    cut, remarks = _ends_in_fewer_digits(text) if unended else (False, [])
+    if short or cut:
+        return frame.iloc[:-1], [*problems, "the last line is cut off and left out"]
+    return frame, [*problems, *remarks]
 
 
-def _ends_in_fewer_digits(text: _Text) -> bool:
-    """Return True if the last cell has fewer digits behind its mark than those above, all alike."""
+def _ends_in_fewer_digits(text: _Text) -> tuple[bool, list[str]]:
+    """Return whether the last number is cut off behind its mark, and a remark if it may be.
+
+    It has fewer digits there than those above, which all have as many. It is cut off where its
+    mark is its end, or where zeros at the ends of others show that they are not left out.
+    """
     lines = [line for line in text.body.split("\n")[-MOST_FOOTER:] if line.strip()]
-    cells = [split_line(line, text.layout.separator)[-1] for line in lines]
-    *digits, last = [len(cell.partition(text.layout.decimal)[2]) for cell in cells]
-    return len(set(digits)) == 1 and len(digits) >= _ALIKE and last < digits[0]
+    *cells, last = [split_line(line, text.layout.separator)[-1] for line in lines]
+    parts = [_DECIMALS.fullmatch(cell.replace(text.layout.decimal, ".")) for cell in (*cells, last)]
+    *digits, held = [len(part[2] or "") if part else -1 for part in parts]
+    if len(digits) < _ALIKE or len({*digits}) > 1 or not -1 < held < digits[0]:
+        return False, []
+    fixed = any(cell.endswith("0") for cell in cells)
+    if last.endswith(text.layout.decimal) or (held and fixed):
+        return True, []
+    return False, [f"check the last line: '{last}' has fewer digits than the numbers above it"]
 
 
 def _refuse_short_rows(text: _Text, rows: Any) -> None:
