@@ -694,3 +694,9 @@ def test_a_dataset_of_one_sample_with_its_rate(tmp_path: Path) -> None:
         "Force": COUNT,
         "Current": 1,
     }
+
+
+def test_bars_in_names_below_a_line_drawn(tmp_path: Path) -> None:
+    lines = [f"{n * 0.04:.2f};{f};{i}" for n, (f, i) in enumerate(ROWS)]
+    text = "\n".join(["Time (s);|F|;|I|", "-----|-----", *lines, ""])
+    assert list(read(tmp_path / "throw.csv", text).channels) == ["|F|", "|I|"]

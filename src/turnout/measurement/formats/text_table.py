@@ -93,6 +93,9 @@ def _without_lines_drawn(content: bytes) -> bytes:
             any(is_number(cell.strip(), mark) for mark in ".,") for cell in cells if cell.strip()
         ):
             return content
+        first = next((row for row in rows if row.strip()), b"")
+        if b"|" not in heading or b"|" not in first:
+            return content  # they part no columns
         rows = [heading, *rows]
     rows = [row for row in rows if b"|" in row and not _RULE.fullmatch(row)]
     content = _RULE.sub(b"", content, count=0 if framed else 1)
