@@ -110,13 +110,15 @@ def table(results: dict[str, dict[str, Any]], *, group: str, seed: int) -> list[
         f"benchmarks.studies.hard_campaigns {group} --seed {seed} --out DIR --write`. Per value: "
         "error ± half the 95 % interval in %, and a star where it does not hold the truth.",
         "",
-        "| what differs | friction | k1 | level 1 | k2 | level 2 | verdict | causes named |",
-        "|---|---|---|---|---|---|---|---|",
+        "| what differs | friction | k1 | level 1 | k2 | level 2 | verdict | causes named | "
+        "processor time |",
+        "|---|---|---|---|---|---|---|---|--:|",
     ]
     for name, item in results.items():
         cells = [_cell(item["values"].get(key)) for key in (MU, K1, S1, K2, S2)]
         causes = "; ".join(text.split(":")[0] for text in item["causes"]) or "-"
-        lines.append(f"| {ALL[name].what} | {' | '.join(cells)} | {item['verdict']} | {causes} |")
+        said = f"{item['verdict']} | {causes} | {item['seconds']:.0f} s"
+        lines.append(f"| {ALL[name].what} | {' | '.join(cells)} | {said} |")
     follows = [item for item in results.values() if item["verdict"] == "follows"]
     given = [v for item in follows for v in item["values"].values() if v["state"] == "fitted"]
     right = [name for name, item in results.items() if _is_right(ALL[name], item["causes"])]
