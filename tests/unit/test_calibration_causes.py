@@ -151,6 +151,8 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
     monkeypatch.setattr(starts, "fit", fails)
     assert starts.first_fit(whole, near, found) is found
     assert begun == [False]
+    monkeypatch.setattr(starts, "continued", lambda found, *_, **__: found)
+    assert starts.first_fit(whole, near, found).local.stepped
     monkeypatch.setattr(starts, "is_worth_a_search", lambda *_, **__: False)
     assert starts.first_fit(whole, near, found) is found
     assert begun == [False]

@@ -324,8 +324,9 @@ def first_fit(start: Misfit, near: Fit, found: Fit) -> Fit:
         Where those slopes led, which is where it ends if nothing is missed.
     """
     if is_worth_a_search(found):
-        without_slopes = replace(found, local=replace(found.local, stepped={}))
-        found = continued(without_slopes, start, rounds=FIRST_ROUNDS)
+        bare = replace(found, local=replace(found.local, stepped={}))
+        again = continued(bare, start, rounds=FIRST_ROUNDS)
+        found = found if again is bare else again
     if not is_worth_a_search(found, share=CLEARLY):
         return found
     return _gone_to_its_end(start, near) or found
