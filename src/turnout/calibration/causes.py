@@ -59,7 +59,7 @@ MOST_ROUNDS = 2
 LESS_MISSED = 0.85
 # Throws, for each movement, from the first verdict on, after which no further cause is tried and no
 # further fit is begun: a model of something else could go on for long and still miss much.
-MOST_THROWS = 300
+MOST_THROWS = 400
 # What a cause says of its remedy, and what stands there where the map states a recorder already.
 STATE, BESIDE = (
     "state it in the channel map as",
