@@ -93,7 +93,7 @@ class FileColumn:
     remark: str = ""
 
 
-def clocked(axis: TimeAxis | None, stated: StatedClock, *, number: int = 0) -> dict[str, Any]:
+def column_clock(axis: TimeAxis | None, stated: StatedClock, *, number: int = 0) -> dict[str, Any]:
     """Return the clock of a column, in the terms of `FileColumn`.
 
     Parameters

@@ -18,11 +18,11 @@ from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    clocked,
+    column_clock,
     tidy_unit,
 )
 from turnout.measurement.formats.clock import (
-    Kind,
+    NameKind,
     is_called,
     is_time_name,
     squeezed,
@@ -248,7 +248,7 @@ def _throws(table: Table) -> tuple[dict[str, Rows], str]:
     return {}, ""
 
 
-def _cells_called(table: Table, kind: Kind) -> dict[int, list[str]]:
+def _cells_called(table: Table, kind: NameKind) -> dict[int, list[str]]:
     """Return the cells, as texts, of the columns that may be of a kind."""
     names = {place: column.name for place, column in enumerate(table.columns)}
     numbers = {p: v for p, v in table.values.items() if is_called(names[p], kind)}
@@ -358,7 +358,7 @@ def _curve_columns(table: Table) -> list[FileColumn]:
         column, cells = table.columns[times[0]], np.concatenate(table.curves[times[0]])
         axes = [numeric_axis(cells, name=column.name, unit=column.unit), *axes]
     begin = next((axis.begin for axis in axes if axis.begin is not None), None)
-    clock = clocked(axes[0] if times else None, stated) | {"begin": begin}
+    clock = column_clock(axes[0] if times else None, stated) | {"begin": begin}
     return [
         FileColumn(
             label_of(table, place),
@@ -424,7 +424,7 @@ def _wide_columns(table: Table) -> list[FileColumn]:
         if several:
             values = values[: count_filled(values)]
         name = column.name or f"column {place + 1}"
-        clock = clocked(axis, table.stated, number=number)
+        clock = column_clock(axis, table.stated, number=number)
         if axis is not None:
             values = _to_length(values, axis.seconds.size)
         elif left:

@@ -132,8 +132,10 @@ _TIME = re.compile(
     r"\d{0,2}"
     r"(?:-?\w*(?:default|standard|messrate|samplerate).*)?(?P<unit>m?sec|ms|us|usec|ns|s)?"
 )
-Kind = Literal["abscissa", "date", "direction", "id", "index", "signal", "throw", "unit of time"]
-_KINDS: dict[Kind, re.Pattern[str]] = {
+NameKind = Literal[
+    "abscissa", "date", "direction", "id", "index", "signal", "throw", "unit of time"
+]
+_KINDS: dict[NameKind, re.Pattern[str]] = {
     "abscissa": re.compile(r"x|xaxis|xwerte?|abscissa|second|seconds|sekunden"),
     "date": re.compile(r"date|datum|day"),
     "direction": re.compile(r"direction|dir|richtung|riktning|sens"),
@@ -224,7 +226,7 @@ def unit_in_name(name: str) -> str:
     return _as_written(name, match["unit"]) if match and not plural else ""
 
 
-def is_called(name: str, kind: Kind) -> bool:
+def is_called(name: str, kind: NameKind) -> bool:
     """Return True if a column of this name, without its unit, may be of a kind.
 
     Parameters

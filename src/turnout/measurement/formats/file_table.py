@@ -19,7 +19,7 @@ from turnout.core.problems import choices, count_in_words
 from turnout.measurement.formats.assemble import is_unit, split_unit, tidy_unit
 from turnout.measurement.formats.clock import (
     SECONDS,
-    Kind,
+    NameKind,
     StatedClock,
     is_called,
     is_numbered_channel,
@@ -264,7 +264,7 @@ def _turn_rows(table: Table) -> None:
     matches = [_NUMBERED.fullmatch(column.name) for column in columns]
     stems = Counter(match[1] for match in matches if match)
     stem, size = stems.most_common(1)[0] if stems else ("", 0)
-    kinds: tuple[Kind, ...] = ("throw", "direction", "id")
+    kinds: tuple[NameKind, ...] = ("throw", "direction", "id")
     numbers_throw = any(is_called(column.name, kind) for column in columns for kind in kinds)
     if size >= _LEAST_NUMBERED and numbers_throw:
         places = [place for place, match in enumerate(matches) if match and match[1] == stem]

@@ -12,7 +12,7 @@ from turnout.core.errors import FileError, refused_of
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    clocked,
+    column_clock,
     named_unit,
     split_unit,
 )
@@ -185,7 +185,7 @@ def columns_of_arrays(
         if vector is not None:
             axis = None if own else _time_of(name, vector.size, along)
             shown, (_, unit) = array.label or _named(name), named_unit(_last(name), array.unit)
-            columns.append(FileColumn(shown, vector, unit, **clocked(axis, clock)))
+            columns.append(FileColumn(shown, vector, unit, **column_clock(axis, clock)))
         elif array.values.ndim == 2 and min(array.values.shape) <= MOST_COLUMNS:
             columns += _of_matrix(name, array, texts, along, clock)
         else:
@@ -373,7 +373,7 @@ def _of_matrix(
     for number in range(first, count):
         shown, unit = named_unit(names[number], units[number])
         values = np.ascontiguousarray(table[:, number], dtype=np.float64)
-        columns.append(FileColumn(shown, values, unit, **clocked(time, clock)))
+        columns.append(FileColumn(shown, values, unit, **column_clock(time, clock)))
     return columns
 
 

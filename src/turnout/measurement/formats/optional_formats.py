@@ -14,7 +14,7 @@ from turnout.core.errors import FileError
 from turnout.measurement.formats.assemble import (
     FileColumn,
     assemble_recording,
-    clocked,
+    column_clock,
     named_unit,
     tidy_unit,
 )
@@ -196,7 +196,7 @@ def _tdms_group(
             bare, unit = named_unit(channel.name, unit)
             tables.setdefault(values.size, []).append(TableColumn(bare, values, unit, described[1]))
             continue
-        column = FileColumn(name, values, *described, **clocked(None, clock))
+        column = FileColumn(name, values, *described, **column_clock(None, clock))
         if isinstance(moment := own.get("wf_start_time"), np.datetime64):
             column = replace(column, begin=moments_axis(np.array([moment], "M8[us]")).begin)
         columns.append(column)
