@@ -257,7 +257,9 @@ class MachineHistory:
         """Slip of each clutch above the ignored amount, shape (n, n_times)."""
         found = np.zeros((len(self.names), self.time.size), dtype=np.int64)
         slip = np.ascontiguousarray(self.states[:, :, at.SLIP].T)
-        slides = np.flatnonzero(np.ptp(slip, axis=1) > SLIP_ROUNDING) if self.time.size else found
+        if not self.time.size:
+            return found.astype(np.bool_)
+        slides = np.flatnonzero(np.ptp(slip, axis=1) > SLIP_ROUNDING)
         if not slides.size:
             return found.astype(np.bool_)
         ons = np.full((len(self.names), MOST_EVENTS), np.inf)
