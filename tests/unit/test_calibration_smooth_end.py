@@ -255,7 +255,7 @@ def test_what_is_rough_is_no_information_of_many_movements() -> None:
         return replace(base, drive_force={"1": row})
 
     def excess(known: Differences) -> float:
-        """Return the mean square of slopes where there is nothing but noise of size 1."""
+        """Return the mean square of slopes that noise of size 1 alone leaves."""
         steps = np.array([[x] for x in (1.0, -1.0, 1.2, -1.2)])
         middle, aside = plane_of(steps, ["k"], [noisy() for _ in steps], known)
         return float(np.mean((aside["k"].drive_force["1"] - middle.drive_force["1"]) ** 2))

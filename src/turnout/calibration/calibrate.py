@@ -570,7 +570,7 @@ class _Run:
         self.watch.verdict = first_verdict(found, causes=self.causes, most=most)
 
     def _first(self, near: Fit, start: Misfit) -> tuple[Misfit, Fit]:
-        """Return the start by throws of the scheme with a lead if any, and what it misses there."""
+        """Return the start by throws of the scheme, with a lead if any, and the fit at it."""
         # Slopes of quick throws serve to see what is missed, and for a first step.
         quick = replace(near, local=replace(near.local, quick=False))
         # What a model that is far off misses is seen at once; it would go on only to move away.
@@ -628,8 +628,7 @@ class _Run:
             # trusted all the same. A search that was ended has taken its time already.
             passes, steps = (1, 0) if search.stopped else (MAX_PASSES, MAX_STEPS)
             found = brief_fit(misfit, found, passes=passes, steps=steps)
-            poor = is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found)
-            if search.stopped or poor:
+            if search.stopped or is_worth_a_search(found, share=CLEARLY) or sensor_reasons(found):
                 return found
             misfit = replace(misfit, base=found.values)
         return fit(misfit, found.parameters, found.values, near=found)

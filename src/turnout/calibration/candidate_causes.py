@@ -258,9 +258,9 @@ def _recorder_cause(
     def text(sizes: Sequence[float]) -> str:
         square = sum(size for size in sizes[1:] if size > LEAST_LINES**2)
         seen = recorder(sizes[0], square)
-        told = replace(seen, average=_rounded(seen.average), rate=_rounded(seen.rate))
-        how = " and ".join(told.map_lines())
-        return f"the recorder has {told.text}; state it in the channel map as {how}"
+        shown = replace(seen, average=_rounded(seen.average), rate=_rounded(seen.rate))
+        how = " and ".join(shown.map_lines())
+        return f"the recorder has {shown.text}; state it in the channel map as {how}"
 
     def shape(response: Response, values: Mapping[str, float]) -> Response:
         if response.failure or values[key] <= LEAST_DELAY:

@@ -352,11 +352,11 @@ class LoadedPanel(Panel):
         known = self._own.parts
         if fields not in known:
             base = {} if self._base is None else self._base._digests_without(fields)
-            anew = self._differing(fields) if base else {*_HASHED}
+            changed = self._differing(fields) if base else {*_HASHED}
             known[fields] = base | {
                 name: content_hash(_plain(name, getattr(self, name), fields))
                 for name in _HASHED
-                if name in anew and (name, "") not in fields
+                if name in changed and (name, "") not in fields
             }
         return known[fields]
 

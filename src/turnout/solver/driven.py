@@ -343,7 +343,7 @@ def run_constants(given: DriveMachines, scheme: Scheme) -> Floats:
 
 
 def new_rods(setup: RunSetup, scheme: Scheme, grid: Grid) -> Rods | None:
-    """Arrange the machines of a mechanism for the kernels, for one run; None where there are none.
+    """Arrange the machines of a mechanism for the kernels, for one run; None without any.
 
     Raises
     ------

@@ -42,7 +42,7 @@ STORED = GRAVITY + 1
 
 
 def unaccounted_energy(stored: Floats, ledger: Floats) -> tuple[Floats, Floats]:
-    """Return changes of stored energy, and these less what was put in and not taken out [J].
+    """Return changes of stored energy, and these less the net energy put in [J].
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Open distances at many points at some instants, from modes and the forces on rows.
 
-Stands alone: kernels are compiled anew where one of their files changes.
+Stands alone: kernels are compiled again when one of their files changes.
 """
 
 from typing import NamedTuple

@@ -3,7 +3,7 @@
 Columns are turned, eight neighbours over some instants at a time, into lines that stay in the
 processor's caches; rows are sums of such lines, so that histories are read and rows written once.
 
-Stands alone: kernels are compiled anew where one of their files changes.
+Stands alone: kernels are compiled again when one of their files changes.
 """
 
 from typing import NamedTuple
