@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.page import EVIDENCE, put
-from turnout.calibration.case import load_panel_or_case
+from turnout.calibration.load_study import load_panel_or_case
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
 from turnout.calibration.matching.match import Matching, match_panel, thrower_at
 from turnout.calibration.matching.survey import (

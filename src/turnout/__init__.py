@@ -19,7 +19,7 @@ from turnout.core.lazy import loader
 
 NAMES = {
     # Panels and objects
-    "load_panel": "turnout.calibration.case:load_panel_or_case",
+    "load_panel": "turnout.calibration.load_study:load_panel_or_case",
     "panel_names": "turnout.panel.load:library_names",
     "LoadedPanel": "turnout.panel.load",
     "ForeignObject": "turnout.panel.foreign_object",
@@ -98,7 +98,7 @@ NAMES = {
 _WITHOUT_DATASETS = (
     *("turnout.core", "turnout.panel", "turnout.beam", "turnout.solver", "turnout.throw.save"),
     *("turnout.metric.stability",),
-    *("turnout.calibration.load_study", "turnout.calibration.case", "turnout.detection"),
+    *("turnout.calibration.load_study", "turnout.detection"),
 )
 
 

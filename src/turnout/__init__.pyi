@@ -18,7 +18,7 @@ from turnout.api.validation import Validation as Validation
 from turnout.api.validation import validate as validate
 from turnout.beam.outline import make_outline as make_outline
 from turnout.beam.section_analysis import analyse_outline as analyse_outline
-from turnout.calibration.case import load_panel_or_case as load_panel
+from turnout.calibration.load_study import load_panel_or_case as load_panel
 from turnout.calibration.load_study import load_study as load_study
 from turnout.calibration.machine_estimates.machine_fit import MachineFit as MachineFit
 from turnout.calibration.machine_estimates.three_phase import ThreePhaseFit as ThreePhaseFit

@@ -14,8 +14,9 @@ from turnout.calibration.advice import (
     next_lines,
 )
 from turnout.calibration.comparison import Uncertainty
-from turnout.calibration.covariance import plain_gain_column, spread_of
+from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
+from turnout.calibration.misfit import plain_gain_column
 from turnout.calibration.stages import prior_information
 
 
@@ -42,7 +43,7 @@ def test_an_error_that_nothing_imitates_is_seen() -> None:
 
 def test_gauges_that_read_too_much_are_seen_where_a_slip_level_is_known() -> None:
     found = fitted(3)
-    column = SHARE * plain_gain_column(found, ("drive_force", "1"))
+    column = SHARE * plain_gain_column(found.frame, ("drive_force", "1"))
     assert "but the misfit would show it" in _systematic_error(found, "1 % more", column)
 
 
@@ -60,7 +61,7 @@ def test_an_error_that_a_free_gain_takes_up_is_not_said_to_be_seen() -> None:
     whole = misfit(alike(3, seed=1))
     free = replace(whole, comparison=replace(whole.comparison, gains={key: 0.01}))
     found = fit(free, PARAMETERS, TRUE)
-    text = _systematic_error(found, "1 % more", SHARE * plain_gain_column(found, key))
+    text = _systematic_error(found, "1 % more", SHARE * plain_gain_column(found.frame, key))
     # "Would change no value" stood beside intervals of several per cent.
     assert "would change no value by more than 0.00" in text
     assert "the fit takes it for gauges of drive 1 +" in text

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
-from turnout.calibration import cause_trials, causes, starts
+from turnout.calibration import cause_trials, causes
 from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
 from turnout.calibration.candidate_causes import GROUP, Cause, candidate_causes
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
@@ -148,13 +148,13 @@ def test_a_first_fit_that_misses_something_takes_slopes_of_its_own(
 
     monkeypatch.setattr(causes, "brief_fit", noted)
     # A fit to its end is tried, and is none where it fails.
-    monkeypatch.setattr(starts, "fit", fails)
-    assert starts.first_fit(whole, near, found) is found
+    monkeypatch.setattr(causes, "fit", fails)
+    assert causes.first_fit(whole, near, found) is found
     assert begun == [False]
-    monkeypatch.setattr(starts, "continued", lambda found, *_, **__: found)
-    assert starts.first_fit(whole, near, found).local.stepped
-    monkeypatch.setattr(starts, "is_worth_a_search", lambda *_, **__: False)
-    assert starts.first_fit(whole, near, found) is found
+    monkeypatch.setattr(causes, "continued", lambda found, *_, **__: found)
+    assert causes.first_fit(whole, near, found).local.stepped
+    monkeypatch.setattr(causes, "is_worth_a_search", lambda *_, **__: False)
+    assert causes.first_fit(whole, near, found) is found
     assert begun == [False]
 
 
@@ -180,7 +180,7 @@ def test_a_search_ends_after_its_throws_and_says_so(monkeypatch: pytest.MonkeyPa
     assert search.taken == ()
     assert search.tested[0].name == "recorder filter"
     assert search.stopped >= len(whole.movements)
-    *_, line = cause_lines(search.found, search, ())
+    *_, line = cause_lines(search.found, search)
     assert line.startswith(f"search: ended after {search.stopped} throws")
 
 

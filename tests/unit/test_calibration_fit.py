@@ -18,12 +18,15 @@ from turnout.calibration.comparison import (
     peaks_of,
     predicted,
 )
-from turnout.calibration.covariance import moves_by, plain_gain_column, spread_of
+from turnout.calibration.covariance import (
+    moves_by,
+    spread_of,
+)
 from turnout.calibration.evaluate import CELL, Evaluator, Response, ThrowInputs
 from turnout.calibration.fit import _least_squares, fit, inflate_noise
 from turnout.calibration.linearisation import FINE_DIFFERENCE
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal
-from turnout.calibration.misfit import Misfit, framed, jacobian
+from turnout.calibration.misfit import Misfit, framed, jacobian, plain_gain_column
 from turnout.calibration.result_entries import distrust_reasons
 from turnout.calibration.stages import Parameter
 from turnout.panel.load import load_panel
@@ -143,7 +146,7 @@ def test_a_gain_that_is_no_unknown_moves_the_values_as_foretold() -> None:
         whole, comparison=replace(whole.comparison, scatter={}, uncertainty=uncertainty)
     )
     found = _least_squares(known, PARAMETERS, TRUE, rough=False)
-    foretold = moves_by(found, 1e-3 * plain_gain_column(found, ("drive_force", "1")))
+    foretold = moves_by(found, 1e-3 * plain_gain_column(found.frame, ("drive_force", "1")))
     for item in measured:
         item.signals[0].values[:] *= 1.001
     moved = _least_squares(known, PARAMETERS, found.values, rough=False)

@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from turnout.calibration.case import case_panel, load_panel_or_case
-from turnout.calibration.load_study import load_study, study_from_file
+from turnout.calibration.load_study import (
+    case_panel,
+    load_panel_or_case,
+    load_study,
+    study_from_file,
+)
 from turnout.calibration.matching import match, survey
 from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_facts, read_facts
 from turnout.calibration.matching.match import (

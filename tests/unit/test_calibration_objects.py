@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import movement
 
-from turnout.calibration.measured_movements import (
+from turnout.calibration.sensors import PLACE, STATE, THICKNESS, Stated, kind_that_leaves
+from turnout.calibration.stages import (
+    Fitted,
     acts_on,
     common_unknowns,
     object_lines,
@@ -16,8 +18,6 @@ from turnout.calibration.measured_movements import (
     thickness_name,
     thrown_object,
 )
-from turnout.calibration.sensors import PLACE, STATE, THICKNESS, Stated, kind_that_leaves
-from turnout.calibration.stages import Fitted
 
 FREE = replace(movement("free", rng=np.random.default_rng(0)), place="none", size=0.0)
 TRAPPED = replace(FREE, name="trapped", place="sleeper 7", size=0.013, x=3.9)

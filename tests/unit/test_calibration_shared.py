@@ -11,13 +11,12 @@ from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP
 from turnout.calibration.comparison import peaks_of
 from turnout.calibration.covariance import (
     chair_uncertainty,
-    common_gain,
     scale_doubt,
     spread_of,
 )
 from turnout.calibration.fit import fit
 from turnout.calibration.measured_movements import MeasuredMovement
-from turnout.calibration.misfit import Misfit, framed
+from turnout.calibration.misfit import Misfit, common_gain, framed
 from turnout.calibration.sensors import common_lead, found_sensors
 from turnout.calibration.shared import (
     CLEARLY,
@@ -139,7 +138,7 @@ def test_gains_that_are_alike_count_where_chance_does_not_make_them_so() -> None
         free = gauged(0.01, gain=gain)
         # With the slip level as good as known, the gain is.
         found = fit(free, PARAMETERS[:1], TRUE)
-        mean, stated = common_gain(found) or (0.0, 0.0)
+        mean, stated = common_gain(found.local, found.frame, free.comparison) or (0.0, 0.0)
         assert mean == pytest.approx(gain, rel=0.1)
         assert stated == pytest.approx(0.01)
         spread = spread_of(replace(found, parameters=(replace(PARAMETERS[0], unit="N"),)))

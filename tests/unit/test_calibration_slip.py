@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, misfit, movement, response
 
-from turnout.calibration.covariance import spread_of
+from turnout.calibration.covariance import drop_unidentified_slip_levels, spread_of
 from turnout.calibration.evaluate import Response, ThrowInputs
 from turnout.calibration.fit import fit
-from turnout.calibration.measured_movements import MeasuredMovement, selected
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.requirements import drop_unidentified_slip_levels
-from turnout.calibration.stages import Selection
+from turnout.calibration.stages import Selection, selected
 from turnout.panel.load import load_panel
 
 KEY = "drive.1.saturation_force"

@@ -7,8 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import turnout
-from turnout.calibration.case import load_panel_or_case
-from turnout.calibration.load_study import study_from_file
+from turnout.calibration.load_study import load_panel_or_case, study_from_file
 from turnout.cli.main import app
 from turnout.core.errors import FileError, StudyError
 from turnout.core.toml import parse_toml

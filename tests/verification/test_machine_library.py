@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from turnout.calibration.case import load_panel_or_case
+from turnout.calibration.load_study import load_panel_or_case
 from turnout.core.keys import origin_at
 from turnout.machine.machine_file import load_machines, machine_names, machine_text
 from turnout.machine.steady import slip_point, supply_slopes

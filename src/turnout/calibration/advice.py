@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from turnout.calibration.comparison import predicted
 from turnout.calibration.covariance import (
     Spread,
-    force_channels,
     moves_by,
-    plain_gain_column,
     without_objects,
 )
 from turnout.calibration.fit import Fit
@@ -22,15 +20,22 @@ from turnout.calibration.measured_movements import (
     OBJECT_FORCE,
     MeasuredMovement,
     Signal,
-    is_of_object,
     movement_length,
 )
-from turnout.calibration.misfit import Frame, Misfit, framed, plain_jacobian
+from turnout.calibration.misfit import (
+    Frame,
+    Misfit,
+    force_channels,
+    framed,
+    plain_gain_column,
+    plain_jacobian,
+)
 from turnout.calibration.sensors import FoundSensor
 from turnout.calibration.shared import GAIN, shared_of
 from turnout.calibration.stages import (
     Parameter,
     free_parameter,
+    is_of_object,
     prior_information,
     prior_slopes,
 )
@@ -99,10 +104,10 @@ def systematic_errors(found: Fit) -> list[str]:
     """
     heavier = panel_column(found, WEIGHT, SHARE)
     columns = {f"{100 * SHARE:g} % more weight of the rails": heavier}
-    for key in force_channels(found):
+    for key in force_channels(found.frame):
         name = f"the gauges of drive {key[1]}" if key[1] else "the load cell"
         columns[f"{100 * SHARE:g} % more sensitivity of {name}"] = SHARE * plain_gain_column(
-            found, key
+            found.frame, key
         )
     return [_systematic_error(found, what, column) for what, column in columns.items()]
 

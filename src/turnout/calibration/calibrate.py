@@ -21,13 +21,15 @@ from turnout.calibration.causes import (
     CAUSE_STEPS,
     MOST_THROWS,
     CauseSearch,
+    cause_lines,
+    first_fit,
     first_verdict,
     is_worth_a_search,
     with_causes,
     without_needless,
 )
 from turnout.calibration.comparison import Comparison, Uncertainty, measured_noise
-from turnout.calibration.covariance import Spread, spread_of
+from turnout.calibration.covariance import Spread, drop_unidentified_slip_levels, spread_of
 from turnout.calibration.evaluate import WORK, Evaluator, throws_done
 from turnout.calibration.fit import (
     MAX_PASSES,
@@ -38,23 +40,16 @@ from turnout.calibration.fit import (
 )
 from turnout.calibration.measured_movements import (
     MeasuredMovement,
-    common_unknowns,
     observe,
-    selected,
 )
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.requirements import (
     check_campaign,
-    drop_unidentified_slip_levels,
     exclude_oversized_objects,
     rod_warnings,
 )
 from turnout.calibration.result import Calibration, StageLog
-from turnout.calibration.result_entries import (
-    record_of,
-    skipped_stage,
-    stage_log,
-)
+from turnout.calibration.result_entries import record_of
 from turnout.calibration.sensors import (
     common_lead,
     sensor_reasons,
@@ -66,12 +61,14 @@ from turnout.calibration.stages import (
     CalibrationPlan,
     Parameter,
     Stage,
+    common_unknowns,
     default_plan,
+    is_of_object,
+    selected,
     with_unknowns,
 )
 from turnout.calibration.starts import (
     GridSearch,
-    first_fit,
     nearest_fit,
     starts_of,
     sweep,
@@ -437,8 +434,9 @@ def _concluded(
     )
     calibration = record_of(
         final,
-        search,
         spread,
+        fitted_causes=[item.name for item in search.taken] if search else (),
+        causes=cause_lines(final, search),
         plan=run.plan,
         dataset=dataset,
         movements=run.movements,
@@ -649,3 +647,38 @@ class _Run:
                 self.comparison, channels=stage.channels, window=stage.window, scatter=scatter
             ),
         )
+
+
+def skipped_stage(stage: Stage, chosen: Sequence[MeasuredMovement]) -> list[str]:
+    """Say why a stage was left out."""
+    if chosen:
+        return [f"stage {stage.name} was left out: all its parameters are fixed"]
+    where = f" at {stage.movements.place}" if stage.movements.place else ""
+    return [
+        f"stage {stage.name} was left out: no movement with an object{where}; its parameters come "
+        "from the later stages alone"
+    ]
+
+
+def stage_log(
+    stage: Stage,
+    chosen: Sequence[MeasuredMovement],
+    parameters: Sequence[Parameter],
+    values: Mapping[str, float],
+    final: Fit | None,
+    swept: GridSearch | None,
+    made: int,
+) -> StageLog:
+    """Return what a stage did, for the record."""
+    fitted = final if "fit" in stage.method else None
+    return StageLog(
+        name=stage.name,
+        method=stage.method,
+        movements=tuple(item.name for item in chosen),
+        values={p.name: values[p.name] for p in parameters if not is_of_object(p)},
+        misfit=fitted.rms if fitted else min(swept.misfit) if swept else float("nan"),
+        evaluations=made,
+        iterations=fitted.iterations if fitted else 0,
+        message=fitted.message if fitted else "swept",
+        sweep={"value": swept.grid, "misfit": swept.misfit} if swept else {},
+    )

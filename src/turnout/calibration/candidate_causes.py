@@ -22,15 +22,19 @@ from turnout.calibration.bushing_laws import (
     stiffness_key,
 )
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import (
+from turnout.calibration.measured_movements import MeasuredMovement
+from turnout.calibration.shared import CROSS_TALK
+from turnout.calibration.stages import (
+    MILLIMETRE,
     PLACE,
     THICKNESS,
-    MeasuredMovement,
+    Fitted,
+    Parameter,
+    free_parameter,
+    known_to,
     own_places,
     own_thicknesses,
 )
-from turnout.calibration.shared import CROSS_TALK
-from turnout.calibration.stages import MILLIMETRE, Fitted, Parameter, free_parameter, known_to
 from turnout.core.errors import PanelError
 from turnout.measurement.chain.recorder import (
     BESSEL,

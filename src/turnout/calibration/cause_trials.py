@@ -80,37 +80,6 @@ class TestedCause:
         return f"{self.name}: {self.text} ({state}, BIC {self.gain:.0f} lower)"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rival:
-    """A choice of causes about as likely as one that was taken up.
-
-    Attributes
-    ----------
-    causes : tuple of str
-        Their names.
-    text : str
-        Its causes in words.
-    odds : float
-        Its probability over that of the one taken up [-].
-    probability : float
-        Among the choices that were fitted with it [-].
-    moves : mapping of str to float
-        By parameter how far its fit is from the fit of the one taken up [coordinate].
-    """
-
-    causes: tuple[str, ...]
-    text: str
-    odds: float
-    probability: float
-    moves: Mapping[str, float]
-
-    @property
-    def line(self) -> str:
-        """The rival as a line for the screen."""
-        odds = f"odds 1 to {1.0 / self.odds:.2g} beside what was fitted"
-        return f"or {self.text} ({odds}; intervals hold its values)"
-
-
 def with_cause(misfit: Misfit, cause: Cause) -> Misfit:
     """Return a misfit with a cause beside those that it has."""
     law, shape = misfit.law, misfit.shape

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from turnout.calibration.candidate_causes import Cause, candidate_causes
 from turnout.calibration.cause_trials import (
-    Rival,
     TestedCause,
     cause_trials,
     deviance,
@@ -26,20 +25,23 @@ from turnout.calibration.cause_trials import (
     with_cause,
 )
 from turnout.calibration.comparison import peaks_of
+from turnout.calibration.covariance import Rival
 from turnout.calibration.evaluate import throws_done
-from turnout.calibration.fit import Fit, brief_fit, sought_effects
+from turnout.calibration.fit import Fit, brief_fit, fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.sensors import (
     LEAVES_PRIOR,
-    FoundSensor,
     common_lead,
     found_sensors,
     lead_text,
     needs_lead,
 )
-from turnout.calibration.shared import CLOCK, missing_more, model_error
-from turnout.calibration.stages import coordinates, prior_residuals
+from turnout.calibration.shared import CLEARLY, CLOCK, missing_more, model_error
+from turnout.calibration.stages import (
+    coordinates,
+    prior_residuals,
+)
 from turnout.core.errors import SolverError
 from turnout.core.threads import one_blas_thread
 from turnout.core.value_text import duration_text
@@ -162,15 +164,6 @@ def first_verdict(found: Fit, *, causes: bool, most: float) -> str:
     upto = f", at most {duration_text(most)}" if most < float("inf") else ""
     then = f"looking for the cause{upto}" if causes else "causes are not looked for"
     return f"so far the model does not follow: {', '.join(missing)}; {then}"
-
-
-def ended_reasons(ended: Sequence[str]) -> list[str]:
-    """Return why a calibration that was ended after its first fit is not trusted."""
-    return [
-        f"was ended by {what} after the first fit, so values and intervals are those of then; "
-        "calibrate again to go on with the throws that were kept"
-        for what in ended
-    ]
 
 
 @one_blas_thread()
@@ -484,9 +477,7 @@ def _fitted_with(found: Fit, first: Misfit, choice: Sequence[TestedCause]) -> Fi
     return brief_fit(misfit, start, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
 
 
-def cause_lines(
-    final: Fit, search: CauseSearch | None, sensors: Sequence[FoundSensor]
-) -> tuple[str, ...]:
+def cause_lines(final: Fit, search: CauseSearch | None) -> tuple[str, ...]:
     """Return what the panel alone does not follow, a lead of the motors first, sensors last.
 
     Parameters
@@ -495,8 +486,6 @@ def cause_lines(
         With the lead that it found.
     search : CauseSearch, optional
         With the causes that were tested.
-    sensors : sequence of FoundSensor
-        Gains, zeros and clock as found.
     """
     lead = final.misfit.comparison.lead
     lines = [lead_text(lead)] if lead else []
@@ -509,7 +498,7 @@ def cause_lines(
             f"search: ended after {search.stopped} throws, {MOST_THROWS} a movement at most, "
             "with causes that were not tried; the panel is likely to be of another switch"
         )
-    return (*lines, *(f"{item.cause}: {item.text}" for item in sensors if item.cause))
+    return (*lines, *(f"{item.cause}: {item.text}" for item in found_sensors(final) if item.cause))
 
 
 def is_needed(cause: Cause, final: Fit) -> bool:
@@ -538,3 +527,44 @@ def _scatters(name: str, final: Fit) -> bool:
         if deviation < SAYS_SOMETHING * expected
     ]
     return bool(known) and float(np.sqrt(np.mean(np.square(known)))) > LEAST_SCATTER
+
+
+# Rounds of a first fit that misses something at most.
+FIRST_ROUNDS = 3
+
+
+def first_fit(start: Misfit, near: Fit, found: Fit) -> Fit:
+    """Go on with a first fit that misses something, before causes are looked for.
+
+    By slopes of plain throws, with little of what is missed as noise, as long as that helps: a
+    model that lacks nothing leaves it.
+
+    Parameters
+    ----------
+    start : Misfit
+        With the noise of the measurement.
+    near : Fit
+        By plain throws at the values of a fit by quick ones, and with its slopes.
+    found : Fit
+        Where those slopes led, which is where it ends if nothing is missed.
+    """
+    if is_worth_a_search(found):
+        bare = replace(found, local=replace(found.local, stepped={}))
+        again = continued(bare, start, rounds=FIRST_ROUNDS)
+        found = found if again is bare else again
+    if not is_worth_a_search(found, share=CLEARLY):
+        return found
+    return _gone_to_its_end(start, near) or found
+
+
+def _gone_to_its_end(start: Misfit, near: Fit) -> Fit | None:
+    """Return a fit to its end if that misses no more than another solver would.
+
+    Where values and each movement's friction are off together, brief fits leave that so slowly that
+    the model seems to lack something, and causes that are not there would be taken up.
+    """
+    try:
+        whole = fit(start, near.parameters, near.values, near=near, refined=False)
+    except SolverError:
+        return None
+    return None if is_worth_a_search(whole) else whole

@@ -1,6 +1,6 @@
-"""Uncertainty of a fit: covariance, intervals, and strongly correlated parameters in words."""
+"""Uncertainty of a fit: covariance, intervals, correlated and unidentified parameters in words."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,14 +9,14 @@ from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri, stdtrit
 
 from turnout.calibration.candidate_causes import CHAIR_SPREAD, FRICTION, GROUP, MODULUS
-from turnout.calibration.cause_trials import Rival
-from turnout.calibration.comparison import Alignment, Key
-from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import SCATTER_WEIGHT, Fit
-from turnout.calibration.measured_movements import is_of_object
-from turnout.calibration.misfit import shared_estimates
-from turnout.calibration.shared import GAIN
-from turnout.calibration.stages import Parameter, prior_information
+from turnout.calibration.linearisation import is_slip_level, touches
+from turnout.calibration.misfit import common_gain, solver_columns
+from turnout.calibration.stages import (
+    Parameter,
+    is_of_object,
+    prior_information,
+)
 from turnout.core.value_text import value_text
 
 Floats = NDArray[np.float64]
@@ -35,9 +35,6 @@ FORCES = ("N", "N/m")
 # How likely the rails are of another weight or stiffness than the panel's before anything is
 # measured, and by how much they then are, as standard deviation of the scale of all forces [-].
 OTHER_SCALE, SCALE_SPREAD = 0.02, 0.05
-# The change by half the step and elements half as long, and by four times the frequency of modes,
-# over the error left [-].
-OF_STEP, OF_MODES = 2.0**2 - 1.0, 4.0**1.2 - 1.0
 # A value drifts where its slope over the movements is so many of its deviations, of so many more
 # movements than a line has constants at least [-].
 DRIFTS, LEAST_DRIFTING = 4.0, 4
@@ -72,38 +69,35 @@ class Spread:
     findings: tuple[str, ...]
 
 
-def force_channels(found: Fit) -> list[Key]:
-    """Return channel and drive of all that is compared, each once."""
-    return list(
-        dict.fromkeys(
-            (s.channel, s.drive) for alignment in found.frame.alignments for s, _ in alignment.parts
-        )
-    )
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rival:
+    """A choice of causes about as likely as one that was taken up.
 
-
-def plain_gain_column(found: Fit, key: Key) -> Floats:
-    """Return the change of the residuals, whitened movement by movement alone, with a gain.
-
-    Parameters
+    Attributes
     ----------
-    found : Fit
-        At its end.
-    key : tuple of str
-        Channel and drive.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        For all of its force too much.
+    causes : tuple of str
+        Their names.
+    text : str
+        Its causes in words.
+    odds : float
+        Its probability over that of the one taken up [-].
+    probability : float
+        Among the choices that were fitted with it [-].
+    moves : mapping of str to float
+        By parameter how far its fit is from the fit of the one taken up [coordinate].
     """
-    rows = []
-    for alignment in found.frame.alignments:
-        row = np.zeros(alignment.measured.size)
-        for signal, _, place in alignment.pieces:
-            if (signal.channel, signal.drive) == key:
-                row[place] = alignment.measured[place]
-        rows.append(alignment.whitened(row))
-    return np.concatenate(rows)
+
+    causes: tuple[str, ...]
+    text: str
+    odds: float
+    probability: float
+    moves: Mapping[str, float]
+
+    @property
+    def line(self) -> str:
+        """The rival as a line for the screen."""
+        odds = f"odds 1 to {1.0 / self.odds:.2g} beside what was fitted"
+        return f"or {self.text} ({odds}; intervals hold its values)"
 
 
 def moves_by(found: Fit, column: Floats) -> Floats:
@@ -147,7 +141,7 @@ def spread_of(
     slopes = np.where(bound[None, :], 0.0, found.jacobian)
     whole = np.linalg.inv(slopes.T @ slopes + np.diag(prior))
     estimate = whole @ slopes.T
-    for column in (*solver_columns(found), *of_panel):
+    for column in (*solver_columns(found.misfit, found.frame), *of_panel):
         move = estimate @ found.frame.joined(column)
         whole = whole + np.outer(move, move)
     for rival in rivals:
@@ -197,53 +191,6 @@ def spread_of(
     )
 
 
-def solver_columns(found: Fit) -> list[Floats]:
-    r"""Return what step, mesh and modes leave, as changes of the residuals of a fit.
-
-    By Richardson's rule, with the change :math:`\Delta` that a refinement makes of forces,
-
-    .. math:: F_h - F_0 = \frac{\Delta}{2^2 - 1}, \quad F_f - F_\infty = \frac{\Delta}{4^{1.2} - 1}
-
-    for half the step of a scheme of second order together with elements half as long, whose error
-    is of that order too, and for modes to four times the frequency: on the panels of the library
-    each doubling leaves 0.41 to 0.46 of the change that it makes, which is an order of 1.2. Each is
-    one error of all movements, shown by those whose fine throws succeeded; none without any.
-
-    Parameters
-    ----------
-    found : Fit
-        At its end.
-
-    Returns
-    -------
-    list of ndarray, shape (n,)
-        Whitened movement by movement alone.
-    """
-    shape, step, modes = found.misfit.shape, list[Floats](), list[Floats]()
-
-    def seen(response: Response, alignment: Alignment) -> Floats:
-        return alignment.predicted(shape(response, found.values) if shape else response)
-
-    def change(later: Response, before: Response, alignment: Alignment) -> Floats:
-        return alignment.whitened(seen(later, alignment) - seen(before, alignment))
-
-    for alignment, one in zip(found.frame.alignments, found.misfit.refinement, strict=False):
-        nothing = np.zeros(alignment.measured.size)
-        known = not (one.failure or one.halved.failure)
-        step.append(change(one.halved, one.plain, alignment) / OF_STEP if known else nothing)
-        modes.append(change(one.fine, one.halved, alignment) / OF_MODES if known else nothing)
-    return [np.concatenate(rows) for rows in (step, modes) if rows]
-
-
-def scale_column(found: Fit) -> Floats:
-    """Return the change of the residuals with one deviation of the scale of the model's forces.
-
-    Whitened movement by movement alone.
-    """
-    columns = [plain_gain_column(found, key) for key in force_channels(found)]
-    return np.asarray(found.misfit.comparison.uncertainty.scale * np.sum(columns, axis=0))
-
-
 def _of_chairs(found: Fit) -> Floats:
     """Return the standard deviation of each coordinate by friction that differs by chair."""
     chairs = {FRICTION: chair_uncertainty(found)}
@@ -285,7 +232,7 @@ def _scale_uncertainty(found: Fit) -> float:
     The scale is then that of the model, from weight and stiffness of its rails. A gain that all
     channels have alike is not separable from an error of these.
     """
-    alike = common_gain(found)
+    alike = common_gain(found.local, found.frame, found.misfit.comparison)
     if alike is None:
         return 0.0
     return float(np.hypot(found.misfit.comparison.uncertainty.scale, _doubt(found, alike)))
@@ -343,32 +290,9 @@ def scale_doubt(mean: float, deviation: float) -> float:
     return float(brentq(left, 0.0, middle + 10.0 * size)) / NORMAL_95
 
 
-def common_gain(found: Fit) -> tuple[float, float] | None:
-    r"""Return the gain that all channels have alike, and how far off it was stated to be [-].
-
-    .. math:: \bar g = \sum_c g_c / s_c^2 \Big/ \sum_c 1 / s_c^2, \quad
-        s = \Big(\sum_c 1 / s_c^2\Big)^{-1/2}
-
-    with the estimated gains and the deviations that were stated of them. None where one is known.
-    """
-    shared = found.frame.shared
-    sizes = shared_estimates(found.local, found.frame)
-    gains = [
-        (size, item.stated)
-        for size, item in zip(sizes, shared.sensors if shared else (), strict=False)
-        if item.kind == GAIN
-    ]
-    # One that is known exactly is the scale.
-    if not gains or min(found.misfit.comparison.gains.values()) == 0.0:
-        return None
-    weight = sum(stated**-2 for _, stated in gains)
-    mean = sum(size / stated for size, stated in gains) / weight
-    return float(mean), float(weight**-0.5)
-
-
 def _scale_finding(found: Fit) -> list[str]:
     """Say where the scale of the model is doubted."""
-    alike = common_gain(found)
+    alike = common_gain(found.local, found.frame, found.misfit.comparison)
     if alike is None or _doubt(found, alike) == 0.0:
         return []
     mean, deviation = alike
@@ -484,3 +408,66 @@ def drift_finding(found: Fit, order: Sequence[str]) -> list[str]:
             "with temperature or wear; what is given is its mean"
         )
     return lines
+
+
+# How much further a slip level is tried [coordinate], and by how much the cost must then rise for
+# the level to be identified from above (95 %, one parameter).
+FURTHER, IDENTIFIED = 0.05, 3.84
+
+
+def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
+    """Drop slip levels that are bounded from below only, with a warning.
+
+    A level below the largest force is raised by a fit until it just no longer matters. There the
+    cost is steep on one side and flat on the other, and its slope would claim a sharp value.
+
+    Parameters
+    ----------
+    found : Fit
+        At its end.
+
+    Returns
+    -------
+    Fit, list of str
+        Without the slopes of such levels; a warning for each of them.
+    """
+    slopes, warnings = found.jacobian.copy(), []
+    for column, item in enumerate(found.parameters):
+        if is_slip_level(item) and not _is_identified(found, item, column):
+            slopes[:, column] = 0.0
+            value = found.values[item.name]
+            warnings.append(
+                f"{item.name}: not identifiable from these movements, only at least {value:.0f} N; "
+                "measure a larger object beside the drive, at which it slips"
+            )
+    return (replace(found, jacobian=slopes) if warnings else found), warnings
+
+
+def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
+    """Return whether a higher level makes the cost rise, whatever the other parameters do."""
+    value = found.values[item.name]
+    higher = item.value(item.coordinate(value) + FURTHER)
+    numbers = [n for n, row in enumerate(found.local.simulated) if touches(item, value, row)]
+    if not numbers or higher <= value:
+        return bool(numbers)
+    others = np.delete(found.jacobian, column, axis=1)
+    ahead = _least_cost(_residuals(found, item, higher, numbers), others)
+    return ahead - _least_cost(found.residuals, others) > IDENTIFIED
+
+
+def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]) -> Floats:
+    """Return the residuals with another value of a parameter, thrown where it acts."""
+    misfit = found.misfit
+    part = misfit.of(numbers)
+    made = part.responses([{**found.values, item.name: value}])[0]
+    responses = list(found.local.simulated)
+    for number, response in zip(numbers, made, strict=True):
+        responses[number] = response
+    return misfit.residuals_of(responses, found.frame)
+
+
+def _least_cost(residuals: Floats, slopes: Floats) -> float:
+    """Return the cost that is left when parameters take up what they can."""
+    step = np.linalg.lstsq(slopes, residuals, rcond=None)[0]
+    rest = residuals - slopes @ step
+    return float(rest @ rest)

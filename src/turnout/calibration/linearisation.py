@@ -11,11 +11,12 @@ from scipy.linalg import hadamard
 from scipy.optimize import lsq_linear
 
 from turnout.calibration.evaluate import Response
-from turnout.calibration.measured_movements import MeasuredMovement, is_of_object
+from turnout.calibration.measured_movements import MeasuredMovement
 from turnout.calibration.stages import (
     JOINT_MOVEMENTS,
     Parameter,
     coordinates,
+    is_of_object,
     prior_information,
     prior_residuals,
     prior_slopes,

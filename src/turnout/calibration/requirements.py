@@ -1,11 +1,11 @@
-"""Checks of a calibration's input and result.
+"""Checks of a campaign before it is fitted.
 
-Before the fit: whether a campaign suffices for the stages, columns of rods that are exchanged, and
-objects that do not fit between the rails. After it: slip levels that are bounded from below only.
+Whether it suffices for the stages, columns of rods that are exchanged, and objects that do not fit
+between the rails.
 """
 
+import json
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from turnout.calibration.comparison import predicted
 from turnout.calibration.evaluate import Evaluator, Response, ThrowInputs
-from turnout.calibration.fit import Fit
-from turnout.calibration.linearisation import is_slip_level, touches
-from turnout.calibration.measured_movements import BIN, MeasuredMovement, observe, selected
-from turnout.calibration.stages import NONE, CalibrationPlan, Parameter, spread
+from turnout.calibration.measured_movements import (
+    BIN,
+    MeasuredMovement,
+    observe,
+)
+from turnout.calibration.stages import NONE, CalibrationPlan, selected, spread
 from turnout.core.errors import MeasurementError
 from turnout.measurement.campaign.sheet_checks import (
     UNCHECKABLE,
@@ -119,67 +121,6 @@ def exclude_oversized_objects(
 
 
 Floats = NDArray[np.float64]
-# How much further a slip level is tried [coordinate], and by how much the cost must then rise for
-# the level to be identified from above (95 %, one parameter).
-FURTHER, IDENTIFIED = 0.05, 3.84
-
-
-def drop_unidentified_slip_levels(found: Fit) -> tuple[Fit, list[str]]:
-    """Drop slip levels that are bounded from below only, with a warning.
-
-    A level below the largest force is raised by a fit until it just no longer matters. There the
-    cost is steep on one side and flat on the other, and its slope would claim a sharp value.
-
-    Parameters
-    ----------
-    found : Fit
-        At its end.
-
-    Returns
-    -------
-    Fit, list of str
-        Without the slopes of such levels; a warning for each of them.
-    """
-    slopes, warnings = found.jacobian.copy(), []
-    for column, item in enumerate(found.parameters):
-        if is_slip_level(item) and not _is_identified(found, item, column):
-            slopes[:, column] = 0.0
-            value = found.values[item.name]
-            warnings.append(
-                f"{item.name}: not identifiable from these movements, only at least {value:.0f} N; "
-                "measure a larger object beside the drive, at which it slips"
-            )
-    return (replace(found, jacobian=slopes) if warnings else found), warnings
-
-
-def _is_identified(found: Fit, item: Parameter, column: int) -> bool:
-    """Return whether a higher level makes the cost rise, whatever the other parameters do."""
-    value = found.values[item.name]
-    higher = item.value(item.coordinate(value) + FURTHER)
-    numbers = [n for n, row in enumerate(found.local.simulated) if touches(item, value, row)]
-    if not numbers or higher <= value:
-        return bool(numbers)
-    others = np.delete(found.jacobian, column, axis=1)
-    ahead = _least(_residuals(found, item, higher, numbers), others)
-    return ahead - _least(found.residuals, others) > IDENTIFIED
-
-
-def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]) -> Floats:
-    """Return the residuals with another value of a parameter, thrown where it acts."""
-    misfit = found.misfit
-    part = misfit.of(numbers)
-    made = part.responses([{**found.values, item.name: value}])[0]
-    responses = list(found.local.simulated)
-    for number, response in zip(numbers, made, strict=True):
-        responses[number] = response
-    return misfit.residuals_of(responses, found.frame)
-
-
-def _least(residuals: Floats, slopes: Floats) -> float:
-    """Return the cost that is left when parameters take up what they can."""
-    step = np.linalg.lstsq(slopes, residuals, rcond=None)[0]
-    rest = residuals - slopes @ step
-    return float(rest @ rest)
 
 
 # Movements that are thrown, and how many times as much as any other the panel must load a rod: its
@@ -320,3 +261,18 @@ def _simulated(response: Response, item: MeasuredMovement, drive: str) -> Floats
     """Return what the rod of a drive shows of a simulation, in the bins of a movement [N]."""
     (signal,) = (s for s in item.signals if (s.channel, s.drive) == ("drive_force", drive))
     return predicted(response, item, signal, _bins(item))
+
+
+def excluded_movements(dataset: xr.Dataset) -> list[str]:
+    """List the measured movements that a campaign could not use, from its dataset.
+
+    Examples
+    --------
+    >>> listed = '[{"movement": "a", "file": "a.csv", "reasons": ["dead drive_force 1"]}]'
+    >>> excluded_movements(xr.Dataset(attrs={"excluded": listed}))
+    ['a is not in the campaign: dead drive_force 1']
+    """
+    return [
+        f"{item['movement']} is not in the campaign: {'; '.join(item['reasons'])}"
+        for item in json.loads(dataset.attrs.get("excluded", "[]"))
+    ]

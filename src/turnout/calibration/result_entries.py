@@ -1,6 +1,5 @@
 """Entries of a calibration record, and its forces, measured and fitted, in a file beside it."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -9,22 +8,16 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from turnout.calibration.causes import (
-    CauseSearch,
-    cause_lines,
-    ended_reasons,
-)
 from turnout.calibration.comparison import peaks_of
 from turnout.calibration.covariance import Spread, drift_finding, without_objects
 from turnout.calibration.fit import Fit
 from turnout.calibration.measured_movements import (
     MeasuredMovement,
     channel_name,
-    is_of_object,
-    object_lines,
 )
 from turnout.calibration.misfit import remaining
-from turnout.calibration.result import Calibration, StageLog
+from turnout.calibration.requirements import excluded_movements
+from turnout.calibration.result import Calibration
 from turnout.calibration.sensors import (
     LEAVES_PRIOR,
     found_sensors,
@@ -32,8 +25,13 @@ from turnout.calibration.sensors import (
     sensor_reasons,
 )
 from turnout.calibration.shared import CLEARLY, missing_more, model_error
-from turnout.calibration.stages import CalibrationPlan, Fitted, Parameter, Stage
-from turnout.calibration.starts import GridSearch
+from turnout.calibration.stages import (
+    CalibrationPlan,
+    Fitted,
+    Parameter,
+    is_of_object,
+    object_lines,
+)
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import FileError
 from turnout.core.provenance import content_hash, provenance
@@ -51,9 +49,10 @@ REFINED = "; at its end with half the step and mesh, and modes to four times the
 
 def record_of(
     final: Fit,
-    search: CauseSearch | None,
     spread: Spread,
     *,
+    fitted_causes: Sequence[str],
+    causes: Sequence[str],
     plan: CalibrationPlan,
     dataset: xr.Dataset,
     movements: Sequence[MeasuredMovement],
@@ -66,10 +65,12 @@ def record_of(
     ----------
     final : Fit
         Of the last stage.
-    search : CauseSearch, optional
-        With the causes that it was fitted with.
     spread : Spread
         Of the fit.
+    fitted_causes : sequence of str
+        Names of the causes that it was fitted with.
+    causes : sequence of str
+        What the panel alone does not follow, in words.
     plan : CalibrationPlan
         Its parameters are in the record, fitted or not.
     dataset : xarray.Dataset
@@ -82,7 +83,6 @@ def record_of(
         Of what came before.
     """
     sensors, objects = found_sensors(final), _fitted_objects(final, spread)
-    fitted = tuple(item.name for item in search.taken) if search else ()
     evaluator, refined = final.misfit.evaluator, bool(final.misfit.refinement)
     said = [
         *excluded_movements(dataset),
@@ -102,7 +102,7 @@ def record_of(
         stages=(),
         warnings=tuple(dict.fromkeys(said)),
         findings=(*spread.findings, *drift_finding(final, order)),
-        distrust=(*ended_reasons(ended), *_distrust(final, spread, fitted)),
+        distrust=(*ended_reasons(ended), *_distrust(final, spread, fitted_causes)),
         noise=_noise_entries(final),
         scatter=final.misfit.comparison.scatter,
         about={
@@ -113,11 +113,8 @@ def record_of(
             "synthetic": str(dataset.attrs.get("synthetic", "")),
             "channel_map_hash": str(dataset.attrs.get("channel_map_hash", "")),
         },
-        causes=(
-            *cause_lines(final, search, sensors),
-            *object_lines(objects, leaves=LEAVES_PRIOR),
-        ),
-        fitted_causes=fitted,
+        causes=(*causes, *object_lines(objects, leaves=LEAVES_PRIOR)),
+        fitted_causes=tuple(fitted_causes),
         sensors=tuple(item.text for item in sensors if item.is_shown),
         chain={item.key: (item.value, item.deviation) for item in sensors},
         effects=movement_rows(final),
@@ -150,56 +147,6 @@ def _data_hash(movements: Sequence[MeasuredMovement]) -> str:
             ]
             for item in movements
         ]
-    )
-
-
-def excluded_movements(dataset: xr.Dataset) -> list[str]:
-    """List the measured movements that a campaign could not use, from its dataset.
-
-    Examples
-    --------
-    >>> listed = '[{"movement": "a", "file": "a.csv", "reasons": ["dead drive_force 1"]}]'
-    >>> excluded_movements(xr.Dataset(attrs={"excluded": listed}))
-    ['a is not in the campaign: dead drive_force 1']
-    """
-    return [
-        f"{item['movement']} is not in the campaign: {'; '.join(item['reasons'])}"
-        for item in json.loads(dataset.attrs.get("excluded", "[]"))
-    ]
-
-
-def skipped_stage(stage: Stage, chosen: Sequence[MeasuredMovement]) -> list[str]:
-    """Say why a stage was left out."""
-    if chosen:
-        return [f"stage {stage.name} was left out: all its parameters are fixed"]
-    where = f" at {stage.movements.place}" if stage.movements.place else ""
-    return [
-        f"stage {stage.name} was left out: no movement with an object{where}; its parameters come "
-        "from the later stages alone"
-    ]
-
-
-def stage_log(
-    stage: Stage,
-    chosen: Sequence[MeasuredMovement],
-    parameters: Sequence[Parameter],
-    values: Mapping[str, float],
-    final: Fit | None,
-    swept: GridSearch | None,
-    made: int,
-) -> StageLog:
-    """Return what a stage did, for the record."""
-    fitted = final if "fit" in stage.method else None
-    return StageLog(
-        name=stage.name,
-        method=stage.method,
-        movements=tuple(item.name for item in chosen),
-        values={p.name: values[p.name] for p in parameters if not is_of_object(p)},
-        misfit=fitted.rms if fitted else min(swept.misfit) if swept else float("nan"),
-        evaluations=made,
-        iterations=fitted.iterations if fitted else 0,
-        message=fitted.message if fitted else "swept",
-        sweep={"value": swept.grid, "misfit": swept.misfit} if swept else {},
     )
 
 
@@ -453,3 +400,12 @@ def _link(calibration: Calibration) -> dict[str, str]:
         "panel_hash": calibration.panel_hash,
         "written": str(calibration.about.get("written", "")),
     }
+
+
+def ended_reasons(ended: Sequence[str]) -> list[str]:
+    """Return why a calibration that was ended after its first fit is not trusted."""
+    return [
+        f"was ended by {what} after the first fit, so values and intervals are those of then; "
+        "calibrate again to go on with the throws that were kept"
+        for what in ended
+    ]

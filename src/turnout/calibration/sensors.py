@@ -17,12 +17,24 @@ from scipy.special import chdtrc, ndtr
 
 from turnout.calibration.candidate_causes import MODULUS
 from turnout.calibration.comparison import Comparison, Key
-from turnout.calibration.covariance import common_gain, scale_column, solver_columns
 from turnout.calibration.fit import Fit
-from turnout.calibration.measured_movements import is_of_object, is_thickness
-from turnout.calibration.misfit import framed, plain_jacobian, shared_estimates
-from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, SensorColumn
-from turnout.calibration.stages import Parameter, coordinates, prior_residuals, prior_slopes
+from turnout.calibration.misfit import (
+    common_gain,
+    framed,
+    plain_jacobian,
+    scale_column,
+    shared_estimates,
+    solver_columns,
+)
+from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, SensorColumn, chain_key
+from turnout.calibration.stages import (
+    Parameter,
+    coordinates,
+    is_of_object,
+    is_thickness,
+    prior_residuals,
+    prior_slopes,
+)
 from turnout.core.value_text import value_text
 
 # What chance does more rarely than this is no chance [-]. A right cause is refused that often.
@@ -68,7 +80,7 @@ def stated_unknowns(found: Fit) -> list[Stated]:
     """
     alike = 0.0
     if any(item.name == MODULUS for item in found.parameters):
-        alike = (common_gain(found) or (0.0, 0.0))[0]
+        alike = (common_gain(found.local, found.frame, found.misfit.comparison) or (0.0, 0.0))[0]
     away = prior_residuals(found.parameters, coordinates(found.parameters, found.values))
     return [
         *(
@@ -327,20 +339,6 @@ def _channel(drive: str) -> str:
     return f"gauges of drive {drive}" if drive else "load cell"
 
 
-def chain_key(kind: str, channel: str = "", drive: str = "", *, source: Key = ("", "")) -> str:
-    """Return the key of an unknown of the measuring chain.
-
-    Examples
-    --------
-    >>> chain_key(GAIN, "drive_force", "1"), chain_key(ZERO, "object_force"), chain_key(CLOCK)
-    ('gain drive_force.1', 'zero object_force', 'clock')
-    >>> chain_key(CROSS_TALK, "drive_force", "1", source=("object_force", ""))
-    'cross-talk drive_force.1 object_force'
-    """
-    names = [".".join(filter(None, key)) for key in ((channel, drive), source)]
-    return " ".join(filter(None, (kind, *names)))
-
-
 def stated_gains(dataset: xr.Dataset, comparison: Comparison) -> dict[Key, float]:
     """Return the uncertainty of the gain of each channel, from the channel map or the default.
 
@@ -393,7 +391,8 @@ def found_sensors(found: Fit) -> list[FoundSensor]:
     joint = np.block([[J.T @ J + weak, -J.T @ B], [-B.T @ J, np.eye(B.shape[1]) + shared.gram]])
     inverse = np.linalg.inv(joint)
     variance = np.diag(inverse)[count:].copy()
-    for column in (scale_column(found), *solver_columns(found)):
+    scale = scale_column(found.frame, found.misfit.comparison)
+    for column in (scale, *solver_columns(found.misfit, found.frame)):
         move = inverse @ np.concatenate([-J.T @ column, B.T @ column])
         variance += move[count:] ** 2
     deviations = np.sqrt(variance)

@@ -418,3 +418,17 @@ def effective_samples(alignments: Sequence[Alignment], comparison: Comparison) -
         variance -= comparison.noise[key].missed ** 2
         total += variance * float(w @ w - across @ inner)
     return total
+
+
+def chain_key(kind: str, channel: str = "", drive: str = "", *, source: Key = ("", "")) -> str:
+    """Return the key of an unknown of the measuring chain.
+
+    Examples
+    --------
+    >>> chain_key(GAIN, "drive_force", "1"), chain_key(ZERO, "object_force"), chain_key(CLOCK)
+    ('gain drive_force.1', 'zero object_force', 'clock')
+    >>> chain_key(CROSS_TALK, "drive_force", "1", source=("object_force", ""))
+    'cross-talk drive_force.1 object_force'
+    """
+    names = [".".join(filter(None, key)) for key in ((channel, drive), source)]
+    return " ".join(filter(None, (kind, *names)))

@@ -7,21 +7,22 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.causes import continued, is_worth_a_search
 from turnout.calibration.comparison import align, predicted
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit, fit, update_movement_effects
 from turnout.calibration.measured_movements import (
     BIN,
-    THICKER,
     MeasuredMovement,
     Signal,
-    thickness_name,
 )
 from turnout.calibration.misfit import Misfit
-from turnout.calibration.shared import CLEARLY
-from turnout.calibration.stages import Parameter, coordinates, values_at
-from turnout.core.errors import SolverError
+from turnout.calibration.stages import (
+    THICKER,
+    Parameter,
+    coordinates,
+    thickness_name,
+    values_at,
+)
 
 Floats = NDArray[np.float64]
 # A minimum of the grid whose misfit is at most so many times the least may be the deeper one [-].
@@ -183,8 +184,6 @@ def _curves(
 
 # How often movements that join a fit are thrown at their own values before it goes on.
 OWN_PASSES = 2
-# Rounds of a first fit that misses something at most.
-FIRST_ROUNDS = 3
 
 
 def starts_of(
@@ -306,40 +305,3 @@ def with_movements(near: Fit, movements: Sequence[MeasuredMovement]) -> Fit:
     local = misfit.local(near.values, ())
     misfit, local, _ = update_movement_effects(misfit, local, (), passes=OWN_PASSES)
     return replace(near, misfit=misfit, local=replace(local, stepped={}))
-
-
-def first_fit(start: Misfit, near: Fit, found: Fit) -> Fit:
-    """Go on with a first fit that misses something, before causes are looked for.
-
-    By slopes of plain throws, with little of what is missed as noise, as long as that helps: a
-    model that lacks nothing leaves it.
-
-    Parameters
-    ----------
-    start : Misfit
-        With the noise of the measurement.
-    near : Fit
-        By plain throws at the values of a fit by quick ones, and with its slopes.
-    found : Fit
-        Where those slopes led, which is where it ends if nothing is missed.
-    """
-    if is_worth_a_search(found):
-        bare = replace(found, local=replace(found.local, stepped={}))
-        again = continued(bare, start, rounds=FIRST_ROUNDS)
-        found = found if again is bare else again
-    if not is_worth_a_search(found, share=CLEARLY):
-        return found
-    return _gone_to_its_end(start, near) or found
-
-
-def _gone_to_its_end(start: Misfit, near: Fit) -> Fit | None:
-    """Return a fit to its end if that misses no more than another solver would.
-
-    Where values and each movement's friction are off together, brief fits leave that so slowly that
-    the model seems to lack something, and causes that are not there would be taken up.
-    """
-    try:
-        whole = fit(start, near.parameters, near.values, near=near, refined=False)
-    except SolverError:
-        return None
-    return None if is_worth_a_search(whole) else whole

@@ -80,7 +80,7 @@ def gauge_command(
     strict: bool = option("--strict", "Exit code 1 if the gauge is narrower than allowed."),
 ) -> None:
     """Show the track gauge beside a closed rail, at rest and under a wheel that rolls along it."""
-    from turnout.calibration.case import case_name, shown_name
+    from turnout.calibration.load_study import case_name, shown_name
     from turnout.metric.least_gauge import least_gauges
     from turnout.panel.foreign_object import parse_objects
     from turnout.panel.gauge_limits import limits_of, load_gauge_limits

@@ -201,7 +201,7 @@ class PanelOptions:
         If the calibration is of another panel, a note goes to stderr; if the panel lacks a
         calibrated key, that is an error. Settings are applied on top.
         """
-        from turnout.calibration.case import load_panel_or_case
+        from turnout.calibration.load_study import load_panel_or_case
 
         name, settings, calibration = self.panel, self.settings, self.calibration
         if calibration is None:

@@ -67,7 +67,7 @@ def panel_show_command(
     values: bool = option("--values", "List every value with its origin."),
 ) -> None:
     """Show a panel: plan, closed gap, force margins, test piece, assumptions."""
-    from turnout.calibration.case import case_name, shown_name
+    from turnout.calibration.load_study import case_name, shown_name
     from turnout.cli.show import PANEL_UNITS, check_throws, panel_lines, panel_record
     from turnout.figures.plan import plot_plan
 

@@ -116,7 +116,7 @@ def simulate_command(
             output.lines((sequence_lines if many else summary_lines)(dataset))
             output.dataset(output["out"], dataset)
             output.figure(plot if figure else None, lambda: figure)
-            from turnout.calibration.case import case_name
+            from turnout.calibration.load_study import case_name
 
             record = sequence_record if many else run_record
             output.json(record, dataset, case_name(panel.panel))

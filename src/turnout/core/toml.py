@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from turnout.core.errors import FileError
-from turnout.core.files import read_fault, require_regular_file
+from turnout.core.files import read_fault, require_regular_file, user_path
 from turnout.core.problems import shortened
 
 Path = tuple[str, ...]
@@ -143,6 +143,11 @@ class TomlFile:
     origins: dict[Path, Origin]
     source: str
     folder: FilePath | None = None
+
+    def path_of(self, name: str) -> FilePath:
+        """Return a path that the file names; one that is not absolute starts at its folder."""
+        path = user_path(name)
+        return path if path.is_absolute() or self.folder is None else self.folder / path
 
 
 def read_toml(path: FilePath | str) -> TomlFile:

@@ -509,6 +509,11 @@ def load_panel(
     return panel_from_file(file, overrides=overrides)
 
 
+def load_named_panel(name: str, file: TomlFile) -> LoadedPanel:
+    """Load the panel that another file names; a path starts at the folder of that file."""
+    return load_panel(file.path_of(name) if name.endswith(".toml") else name)
+
+
 def panel_from_file(
     file: TomlFile, *, overrides: Mapping[str, object] | None = None
 ) -> LoadedPanel:

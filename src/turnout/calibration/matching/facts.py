@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
-from turnout.calibration.load_study import load_named_panel
 from turnout.calibration.matching.measures import MEASURES, SHARE
 from turnout.core.errors import PanelError, StudyError
 from turnout.core.json_files import to_plain
@@ -21,7 +20,7 @@ from turnout.core.quantity import Record
 from turnout.core.toml import TomlFile
 from turnout.core.units import Dimension, parse_quantity
 from turnout.panel.foreign_object import ForeignObject, parse_object, resolve_objects
-from turnout.panel.load import LoadedPanel
+from turnout.panel.load import LoadedPanel, load_named_panel
 from turnout.study.variable import value_kind
 
 Number = float | int | str

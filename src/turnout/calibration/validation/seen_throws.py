@@ -21,8 +21,7 @@ from turnout.calibration.evaluate import Evaluator, Response, throws_done
 from turnout.calibration.measured_movements import BIN, MeasuredMovement, Signal, later
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.result import Calibration
-from turnout.calibration.sensors import chain_key
-from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO
+from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, chain_key
 
 Floats = NDArray[np.float64]
 OBJECT, DRIVE = "object", "drive "

@@ -12,9 +12,8 @@ from turnout.calibration.comparison import measured_noise
 from turnout.calibration.evaluate import Evaluator, Response
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import MeasuredMovement, later, observe
-from turnout.calibration.requirements import exclude_oversized_objects
+from turnout.calibration.requirements import exclude_oversized_objects, excluded_movements
 from turnout.calibration.result import Calibration
-from turnout.calibration.result_entries import excluded_movements
 from turnout.calibration.stages import Fitted, Parameter
 from turnout.calibration.validation.acceptance import first_order_power, judged_movements
 from turnout.calibration.validation.prediction_bands import (
