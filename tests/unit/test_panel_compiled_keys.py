@@ -4,12 +4,14 @@ import pickle
 from copy import deepcopy
 from typing import Any
 
+import numpy as np
 import pytest
 
 from turnout.core.errors import PanelError
 from turnout.panel.check import reads_of_checks
 from turnout.panel.compiled_keys import CompiledKeys
 from turnout.panel.load import LoadedPanel, load_panel
+from turnout.throw.simulate import marker_inputs
 
 FIRST: dict[str, Any] = {
     "chair.friction_coefficient": 0.2,
@@ -146,6 +148,19 @@ def test_panels_that_differ_in_fields_that_do_not_matter_have_one_digest() -> No
         assert again.digest_without(fields) == of_panel
     copied = second.model_copy(update={"instrumented_rail": "curved"})
     assert copied.digest_without(fields) != of_panel
+
+
+def test_results_of_the_movements_are_found_for_copies_of_a_panel() -> None:
+    panel, instants = load_panel("sb1"), np.linspace(0.0, 1.0, 11)
+    made = marker_inputs(panel, instants)
+    softer = panel.with_overrides({"drive.stiffness": 6e5, "chair.friction_coefficient": 0.3})
+    for same in (softer, deepcopy(panel), pickle.loads(pickle.dumps(panel)), load_panel("sb1")):
+        assert same.digest_of("movement", "schedule") == panel.digest_of("movement", "schedule")
+        assert np.shares_memory(marker_inputs(same, instants.copy()), made)
+    slower = panel.with_overrides({"movement.return.duration": 2.5})
+    assert slower.digest_of("movement") != panel.digest_of("movement")
+    assert slower.digest_of("schedule") == panel.digest_of("schedule")
+    assert not np.shares_memory(marker_inputs(slower, instants), made)
 
 
 def test_panels_of_equal_values_are_equal_however_they_were_made() -> None:

@@ -1,4 +1,4 @@
-"""Movements are found once for panels that share them, and again where they differ."""
+"""Movements of a panel in the order of time, and the spans between them."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from turnout.throw.route import closed_spans, throws, wants_closed
 def test_changed_movements_and_drives_are_seen() -> None:
     panel = load_panel("sb1")
     before = throws(panel)
-    assert throws(panel.with_overrides({"chair.friction_coefficient": 0.3})) is before
+    assert throws(panel.with_overrides({"chair.friction_coefficient": 0.3})) == before
     later = throws(panel.with_overrides({"movement.return.duration": 2.5}))
     assert later[1].end - later[1].start > 2.5 - 1e-9
     assert later[0] == before[0]

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import SharedResults
+from turnout.core.lru_cache import LRUCache
 from turnout.machine.components import Machine
 from turnout.machine.rows import machine_row, start_state, stroke_table, with_lock_stroke
 from turnout.machine.steady import blind_text, clutch_force, stall_text
@@ -156,7 +156,7 @@ def schedule_waits(panel: Panel) -> tuple[Wait, ...]:
     return tuple(found)
 
 
-_made = SharedResults[DriveMachines](64)
+_made = LRUCache[DriveMachines](64)
 
 
 def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
@@ -173,12 +173,11 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
     if not names:
         return None
     laws = np.array([index.drive[name] for name in names], dtype=np.int64)
-    machines = [panel.machine[panel.drive[name].machine or ""] for name in names]
-    return _made.get(
-        [panel.movement, *machines],
-        [*panel.drive.values(), *panel.rail.values(), panel.schedule, laws.tobytes()],
-        lambda: _fitted_machines(panel, names, laws),
+    key = (
+        panel.digest_of("movement", "machine", "schedule"),
+        *(*panel.drive.values(), *panel.rail.values(), laws.tobytes()),
     )
+    return _made.get(key) or _made.put(key, _fitted_machines(panel, names, laws))
 
 
 def _fitted_machines(panel: Panel, names: tuple[str, ...], laws: Ints) -> DriveMachines:

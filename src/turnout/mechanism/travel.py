@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from turnout.core.errors import MechanicsError
-from turnout.core.lru_cache import SharedResults
+from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import Matrices, RailShape, ReducedRail
 from turnout.mechanism.varied_rails import VariedRail
 from turnout.panel.model import Panel
@@ -221,7 +221,7 @@ def _shape(panel: Panel, name: str, x: Floats, way: Floats, like: RailShape | No
     return RailShape(cubic_spline(x.tolist(), travel, ends=("not-a-knot", "not-a-knot")))
 
 
-_at_places = SharedResults[tuple[Floats, Floats]](256)
+_at_places = LRUCache[tuple[Floats, Floats]](256)
 
 
 def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) -> Floats | None:
@@ -250,7 +250,10 @@ def unloaded_gap(panel: Panel, shape: RailShape | None, rail: str, x: Floats) ->
     if shape is None:
         message = f"rail {rail}: its shape is computed, and the mechanism does not hold it"
         raise MechanicsError(message)
-    closed, travel = _at_places.get(
-        [shape], [fit, x.tobytes()], lambda: (evaluate_profile(fit, x), shape.travel_at(x))
+    way = shape.travel
+    of_way = (way.knots.tobytes(), way.values.tobytes(), way.slopes.tobytes())
+    key = fit, x.tobytes(), *of_way
+    closed, travel = _at_places.get(key) or _at_places.put(
+        key, (evaluate_profile(fit, x), shape.travel_at(x))
     )
     return closed + record.fraction * travel

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from turnout.core.lru_cache import SharedResults
+from turnout.core.lru_cache import LRUCache
 from turnout.panel.markers import marker_level, ordered_movements, start_offset
 from turnout.panel.model import Panel
 from turnout.panel.profile import (
@@ -26,7 +26,7 @@ from turnout.panel.records import Drive, OnRails, Sensor
 FloatArray = npt.NDArray[np.float64]
 
 
-_openings = SharedResults[float | None](256)
+_openings = LRUCache[tuple[float | None]](256)
 
 
 def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
@@ -46,13 +46,14 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
     float or None
         Distance [m], at least 0; None where the rail has no stock rail.
     """
-    families = (panel.rail, panel.link, panel.fastening, panel.schedule, panel.movement)
     ways = tuple(
         (drive.rail, drive.x, drive.stroke, drive.over_travel_open, drive.over_travel_closed)
         for drive in panel.drive.values()
     )
     # drives, whose stiffness often varies, by what counts of them
-    return _openings.get(families, (ways, rail, x), lambda: _largest_opening(panel, rail, x))
+    key = panel.digest_of("rail", "link", "fastening", "schedule", "movement"), ways, rail, x
+    known = _openings.get(key) or _openings.put(key, (_largest_opening(panel, rail, x),))
+    return known[0]
 
 
 def _largest_opening(panel: Panel, rail: str, x: float) -> float | None:

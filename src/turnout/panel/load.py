@@ -5,11 +5,12 @@ One direction: file, document, overrides, records, checks, panel.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
-from pydantic import BaseModel, PrivateAttr
+from pydantic import PrivateAttr
 
 from turnout.core.errors import FileError, PanelError
 from turnout.core.files import user_path
@@ -26,7 +27,7 @@ from turnout.panel.gauge_limits import has_default_limits, with_gauge_limits
 from turnout.panel.library_members import add_library_members
 from turnout.panel.markers import read_schedule_files
 from turnout.panel.matrices import check_matrices, read_matrices
-from turnout.panel.model import PANEL_KEYS, Panel
+from turnout.panel.model import PANEL_KEYS, Panel, plain_value
 from turnout.panel.override import (
     apply_overrides,
     restated,
@@ -35,8 +36,7 @@ from turnout.panel.override import (
 from turnout.panel.records import RailMatrices
 from turnout.panel.validate import validate_document, with_values
 
-# Neither changes what the panel is: the text about it, and where a schedule's numbers were read.
-_NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matrices"}}
+# The text about a panel does not change what it is.
 _HASHED = tuple(name for name in Panel.model_fields if name != "description")
 # For a notebook, and for completion.
 _COUNTED = ("chair", "fastening", "stop", "stud", "link", "sensor", "sleeper")
@@ -340,6 +340,10 @@ class LoadedPanel(Panel):
             known[fields] = content_hash(self._digests_without(fields) | matrices)
         return known[fields]
 
+    def digest_of(self, *parts: str) -> str:
+        """Return a content hash of some fields, found once for panels that are alike in them."""
+        return self.digest_without(_all_but(parts))
+
     def _differing(self, fields: frozenset[tuple[str, str]]) -> set[str]:
         """Return the parts of which more than some fields differ from the panel it was made of."""
         return {part for part, field in self._differs if not {(part, field), (part, "")} & fields}
@@ -354,7 +358,7 @@ class LoadedPanel(Panel):
             base = {} if self._base is None else self._base._digests_without(fields)
             changed = self._differing(fields) if base else {*_HASHED}
             known[fields] = base | {
-                name: content_hash(_plain(name, getattr(self, name), fields))
+                name: content_hash(plain_value(name, getattr(self, name), fields))
                 for name in _HASHED
                 if name in changed and (name, "") not in fields
             }
@@ -428,22 +432,18 @@ class LoadedPanel(Panel):
         return [*Panel.model_fields, *_OWN]
 
 
+@lru_cache(maxsize=64)
+def _all_but(parts: tuple[str, ...]) -> frozenset[tuple[str, str]]:
+    """Return all fields of a panel but some, as of `LoadedPanel.digest_without`."""
+    return frozenset((name, "") for name in _HASHED if name not in parts)
+
+
 def _plain_values(panel: Panel) -> dict[str, Any]:
     """Return the values of a panel that are hashed, as plain ones.
 
     Each record was validated and has a serializer; for the panel as a whole one would be built.
     """
-    return {name: _plain(name, getattr(panel, name)) for name in _HASHED}
-
-
-def _plain(name: str, value: Any, left_out: frozenset[tuple[str, str]] = frozenset()) -> Any:
-    """Return the value of a field of a panel as plain data, without some fields of families."""
-    if isinstance(value, dict):
-        return {key: _plain(name, member, left_out) for key, member in value.items()}
-    if isinstance(value, BaseModel):
-        without = {field for family, field in left_out if family == name}
-        return value.model_dump(mode="json", exclude=_NOT_HASHED.get(name, set()) | without)
-    return value
+    return {name: plain_value(name, getattr(panel, name)) for name in _HASHED}
 
 
 def refuse(problems: Iterable[Problem], *, heading: str) -> None:

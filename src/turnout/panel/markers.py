@@ -114,30 +114,13 @@ def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> Fl
     return positions
 
 
-def motion_key(
-    panel: Panel, prior: Movement | None
-) -> tuple[tuple[object, ...], tuple[Hashable, ...]]:
-    """Return the records and the values that positions of markers follow from.
-
-    Parameters
-    ----------
-    panel : Panel
-        Drives, schedule and movements.
-    prior : Movement, optional
-        Of positions before a loaded start.
-
-    Returns
-    -------
-    named : tuple
-        The movements.
-    values : tuple
-        Schedule, strokes and over-travels of the drives.
-    """
+def motion_key(panel: Panel) -> tuple[Hashable, ...]:
+    """Return a key of all that positions of markers follow from, by its values."""
     ways = [
         (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed, drive.lost_motion)
         for name, drive in panel.drive.items()
     ]
-    return (prior, *panel.movement.values()), (panel.schedule, *ways)
+    return panel.digest_of("movement", "schedule"), *ways
 
 
 def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:

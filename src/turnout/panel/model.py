@@ -5,11 +5,12 @@ positive in the closing direction of the instrumented switch rail, x runs from t
 from the rail foot. Families such as `chair` map a name to a record; names are strings.
 """
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from turnout.core.keys import Keys
+from turnout.core.provenance import content_hash
 from turnout.core.quantity import (
     Acceleration,
     Density,
@@ -181,9 +182,27 @@ class Panel(Record):
             for name, drive in self.drive.items()
         }
 
+    def digest_of(self, *parts: str) -> str:
+        """Return a content hash of some fields, such as "movement" and "schedule"."""
+        return content_hash({name: plain_value(name, getattr(self, name)) for name in parts})
+
 
 PANEL_KEYS = Keys(
     Panel, what="panel", example='drive.1.stiffness="750 kN/m"', growing=("object", "machine")
 )
 FAMILIES = PANEL_KEYS.families
 """Record of the members of each family: fields of a panel that map names to records."""
+
+
+NOT_HASHED: dict[str, set[str]] = {"movement": {"table_file"}, "rail": {"matrices"}}
+"""Fields of records that name files whose content counts instead."""
+
+
+def plain_value(name: str, value: Any, left_out: frozenset[tuple[str, str]] = frozenset()) -> Any:
+    """Return the value of a field of a panel as plain data, without some fields of families."""
+    if isinstance(value, dict):
+        return {key: plain_value(name, member, left_out) for key, member in value.items()}
+    if isinstance(value, BaseModel):
+        without = {field for family, field in left_out if family == name}
+        return value.model_dump(mode="json", exclude=NOT_HASHED.get(name, set()) | without)
+    return value

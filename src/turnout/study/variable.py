@@ -10,7 +10,7 @@ from typing import Any
 
 from turnout.core.errors import PanelError
 from turnout.core.keys import VERSION, Key
-from turnout.core.lru_cache import SharedResults
+from turnout.core.lru_cache import LRUCache
 from turnout.core.problems import nearest
 from turnout.core.units import (
     LENGTH,
@@ -234,20 +234,20 @@ def apply_factors(
 
 
 _Values = dict[str, list[tuple[str, str, Any]]]
-_values = SharedResults[_Values](64)
+_values = LRUCache[_Values](64)
 """Values of panels by keys; scenarios of a study ask for the same ones."""
 
 
 def _known_values(panel: LoadedPanel, keys: tuple[str, ...]) -> _Values:
     """Return `values_at` of each key, found once, beside the key of the family of each."""
-
-    def found() -> _Values:
-        return {
+    known = _values.get((panel.hash, keys))
+    return known or _values.put(
+        (panel.hash, keys),
+        {
             key: [(full, _of_family(full), own) for full, own in panel.values_at(key).items()]
             for key in keys
-        }
-
-    return _values.get([panel], keys, found)
+        },
+    )
 
 
 def _of_family(full: str) -> str:

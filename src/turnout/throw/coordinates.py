@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import LRUCache, SharedResults
+from turnout.core.lru_cache import LRUCache
 from turnout.mechanism.mechanism import LawIndex, Mechanism
 from turnout.panel.model import Panel
 from turnout.panel.records import Drive, Placed
@@ -23,10 +23,6 @@ Floats = NDArray[np.float64]
 _indexes = LRUCache[tuple["Index", "xr.Variable"]](64)
 
 
-_together = SharedResults[dict[str, Channel]](8)
-_stations = SharedResults[Floats](8)
-
-
 def output_stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
     """Return the places of `gap` and `lateral_displacement`, rising [m]."""
     if save.stations == "all":
@@ -39,12 +35,8 @@ def output_stations(panel: Panel, mechanism: Mechanism, save: Save) -> Floats:
 
 def default_stations(panel: Panel) -> Floats:
     """Return the places of chairs and drives, rising [m]."""
-    families = (panel.chair, panel.drive)
-
-    def made() -> Floats:
-        return np.unique(np.round([item.x for family in families for item in family.values()], 9))
-
-    return _stations.get(families, (), made).copy()
+    places = [item.x for family in (panel.chair, panel.drive) for item in family.values()]
+    return np.unique(np.round(places, 9))
 
 
 def dimensions_of(channels: Mapping[str, Channel]) -> set[str]:
@@ -64,16 +56,8 @@ def dataset_coordinates(
     used : container of str
         The dimensions.
     """
-    dimensions = [dimension for dimension in _DIMENSIONS if dimension in used]
-    named = [name for dimension in dimensions for name in _families_of(dimension)]
-    families = [getattr(panel, name) for name in named]
-
-    def made() -> dict[str, Channel]:
-        stacked = shared_coordinates([panel], used=dimensions)
-        return {name: v if v[0] == (name,) else (v[0], v[1][0]) for name, v in stacked.items()}
-
-    shared = _together.get(families, dimensions, made)
-    found = {name: (dims, values.copy()) for name, (dims, values) in shared.items()}
+    stacked = shared_coordinates([panel], used=used)
+    found = {name: v if v[0] == (name,) else (v[0], v[1][0]) for name, v in stacked.items()}
     return found | object_coordinate(index, used=used)
 
 
@@ -91,7 +75,7 @@ def shared_coordinates(panels: Sequence[Panel], *, used: Container[str]) -> dict
         if dimension == "drive" and dimension in used:
             found |= _of_drives(panels)
         elif dimension in used:
-            made = [_MAKERS[dimension][1](panel) for panel in panels]
+            made = [_MAKERS[dimension](panel) for panel in panels]
             found |= {
                 name: (dims, v if dims == (name,) else np.array([one[name][1] for one in made]))
                 for name, (dims, v) in made[0].items()
@@ -104,11 +88,6 @@ def object_coordinate(index: LawIndex, *, used: Container[str]) -> dict[str, Cha
     if "object" not in used or not index.object_parts:
         return {}
     return {"object": _names("object", index.object_parts)}
-
-
-def _families_of(dimension: str) -> tuple[str, ...]:
-    """Return the families of a panel from which the coordinates of a dimension are made."""
-    return ("drive", "machine") if dimension == "drive" else _MAKERS[dimension][0]
 
 
 def _of_drives(panels: Sequence[Panel]) -> dict[str, Channel]:
@@ -136,17 +115,17 @@ def _of_sensors(panel: Panel) -> dict[str, Channel]:
     }
 
 
-_MAKERS: Mapping[str, tuple[tuple[str, ...], Callable[[Panel], dict[str, Channel]]]] = {
-    "rail": (("rail",), lambda panel: {"rail": _names("rail", panel.rail)}),
-    "direction": ((), lambda _: {"direction": _names("direction", DIRECTIONS)}),
-    "chair": (("chair",), lambda panel: _members("chair", panel.chair)),
-    "stop": (("stop", "stud"), _of_stops),
-    "fastening": (("fastening",), lambda panel: _members("fastening", panel.fastening)),
-    "axis": ((), lambda _: {"axis": _names("axis", AXES)}),
-    "link": (("link",), lambda panel: _members("link", panel.link)),
-    "sensor": (("sensor",), _of_sensors),
+_MAKERS: Mapping[str, Callable[[Panel], dict[str, Channel]]] = {
+    "rail": lambda panel: {"rail": _names("rail", panel.rail)},
+    "direction": lambda _: {"direction": _names("direction", DIRECTIONS)},
+    "chair": lambda panel: _members("chair", panel.chair),
+    "stop": _of_stops,
+    "fastening": lambda panel: _members("fastening", panel.fastening),
+    "axis": lambda _: {"axis": _names("axis", AXES)},
+    "link": lambda panel: _members("link", panel.link),
+    "sensor": _of_sensors,
 }
-"""By dimension, but for drives: families of its coordinates, and the function that makes them."""
+"""Coordinates of each dimension, but of drives."""
 _DIMENSIONS = ("rail", "drive", *(name for name in _MAKERS if name != "rail"))
 
 

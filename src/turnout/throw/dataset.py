@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.channels import SCHEMA_VERSION
-from turnout.core.lru_cache import SharedResults
 from turnout.core.provenance import provenance
 from turnout.core.scheme import Scheme
 from turnout.mechanism.drive_machines import blind_currents
@@ -85,9 +84,6 @@ _AS_WRITTEN = {
     "lateral_displacement": ("rail", "x", "time"),
 }
 """Dimensions of the channels that are rows over time, as they are."""
-
-# What throws share is named by identity, and kept beside so that nothing else takes its place.
-_described = SharedResults[tuple[Attributes, Attributes, str]](MOST_DESCRIBED)
 
 
 def response_dataset(
@@ -247,17 +243,12 @@ def describe_run(
     outcome, made = history.outcome, duties(history)
     waits = [item.length for item in history.machines.pauses] if history.machines else []
     end = float(history.time[-1]) if history.time.size else 0.0
-    inputs, rules, superelements = _described.get(
-        [panel, *mechanism.rails],
-        [scheme, *objects],
-        lambda: (_inputs(panel, objects), _rules(panel, scheme), _superelements(mechanism)),
-    )
     return {
-        **inputs,
+        **_inputs(panel, objects),
         "movements": movement_records(moved_throws(panel, history)),
         **({"machine_throws": duty_records(panel, made, end)} if made else {}),
         **({"schedule_waits": json.dumps(waits)} if any(waits) else {}),
-        **rules,
+        **_rules(panel, scheme),
         "outcome": outcome.code.name.lower().replace("_", " "),
         "outcome_message": outcome.message(),
         "complete": outcome.complete,
@@ -270,16 +261,11 @@ def describe_run(
         "solver_time": solver_time,
         "modes": history.model.load.size,
         "highest_mode_frequency": float(history.model.frequencies.max()),
-        "superelements": superelements,
+        "superelements": _superelements(mechanism),
         "energy_scale": outcome.energy_scale
         if history.machines or scheme.stride  # else the run had other instants than its history
         else energy_scale(history.stored, history.ledger),
     }
-
-
-def clear_descriptions() -> None:
-    """Clear the cache of attributes that runs of a panel share."""
-    _described.clear()
 
 
 def _inputs(panel: LoadedPanel, objects: Sequence[PlacedObject]) -> Attributes:

@@ -39,7 +39,6 @@ GapPlace = tuple[str, Floats, Floats]
 
 _rows = SharedResults[list[Floats]](64)
 _watched = SharedResults[SeenRows](128)
-_places = SharedResults[list[GapPlace]](64)
 
 
 def _frozen(values: ArrayLike) -> Floats:
@@ -119,21 +118,15 @@ def gap_places(panel: Panel) -> list[GapPlace]:
 
     A sensor on one rail alone is there twice.
     """
-
-    def made() -> list[GapPlace]:
-        x = _frozen([drive.x for drive in panel.drive.values()])
-        z = _frozen([drive.height for drive in panel.drive.values()])
-        rails = [closed_rail(panel, position) for position in ("closed", "open")]
-        sensors = [
-            (sensor.rail or rail, _frozen([sensor.x]), _frozen([sensor.height]))
-            for rail in rails
-            for sensor in panel.sensor.values()
-        ]
-        return [*((rail, x, z) for rail in rails), *sensors]
-
-    # drives by their places: a study may vary what they are with each throw
-    at = [(drive.x, drive.height) for drive in panel.drive.values()]
-    return _places.get([panel.sensor, panel.rail], [panel.instrumented_rail, *at], made)
+    x = _frozen([drive.x for drive in panel.drive.values()])
+    z = _frozen([drive.height for drive in panel.drive.values()])
+    rails = [closed_rail(panel, position) for position in ("closed", "open")]
+    sensors = [
+        (sensor.rail or rail, _frozen([sensor.x]), _frozen([sensor.height]))
+        for rail in rails
+        for sensor in panel.sensor.values()
+    ]
+    return [*((rail, x, z) for rail in rails), *sensors]
 
 
 def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:

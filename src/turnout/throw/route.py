@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.core.lru_cache import SharedResults
 from turnout.panel.markers import movement_end, ordered_movements
 from turnout.panel.model import Panel
 from turnout.solver.record import TIME_TOLERANCE
@@ -47,15 +46,8 @@ class DirectedMovement:
         return "closing" if self.to == "closed" else "opening"
 
 
-_kept = SharedResults[tuple[DirectedMovement, ...]](32)
-
-
 def throws(panel: Panel) -> tuple[DirectedMovement, ...]:
     """Return the movements of a panel in the order of time."""
-    return _kept.get([panel.movement], list(panel.drive), lambda: _in_order(panel))
-
-
-def _in_order(panel: Panel) -> tuple[DirectedMovement, ...]:
     ordered = ordered_movements(panel)
     untils = [*(movement.start for _, movement in ordered[1:]), float("inf")]
     return tuple(

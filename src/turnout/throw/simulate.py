@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from turnout.core.errors import ResponseError
-from turnout.core.lru_cache import SharedResults
+from turnout.core.lru_cache import LRUCache
 from turnout.core.scheme import Mode, Scheme, chosen_scheme
 from turnout.core.threads import one_blas_thread
 from turnout.mechanism.build import build_mechanism
@@ -25,7 +25,6 @@ from turnout.panel.markers import (
     prior_movement,
     prior_positions,
 )
-from turnout.panel.records import Movement
 from turnout.solver.arrange import clear_memory
 from turnout.solver.integration import Floats, History, RunPlan, carry_out, integrate, plan_run
 from turnout.solver.outcome import NotConverged
@@ -150,14 +149,12 @@ def simulate_placed(
 
 def release_memory() -> None:
     """Free memory that a next run would use again: histories, condensed rails."""
-    from turnout.throw.dataset import clear_descriptions
     from turnout.throw.dataset_template import clear_datasets
     from turnout.throw.output_rows import row_blocks
 
     clear_memory()
     row_blocks.clear()
     clear_datasets()
-    clear_descriptions()
 
 
 def prepare_panel(
@@ -392,13 +389,13 @@ def compile_kernels(*, machines: bool = False) -> None:
     compile_distances()
 
 
-_motions = SharedResults[Floats](8)
+_motions = LRUCache[Floats](8)
 
 
 def marker_inputs(panel: LoadedPanel, instants: Floats) -> Floats:
     """Return marker positions from the stress-free position of the rails [m]."""
     made = functools.partial(marker_positions, panel, instants)
-    return _shared_motion(panel, instants, None, made)
+    return _shared_motion(panel, instants, made)
 
 
 def prior_motion(panel: LoadedPanel) -> PriorMotion | None:
@@ -412,7 +409,7 @@ def prior_motion(panel: LoadedPanel) -> PriorMotion | None:
         duration, made = panel.schedule.end, functools.partial(marker_positions, panel)
 
     def positions(instants: Floats) -> Floats:
-        return _shared_motion(panel, instants, movement, functools.partial(made, instants))
+        return _shared_motion(panel, instants, functools.partial(made, instants), prior=True)
 
     return PriorMotion(duration, positions, cyclic=cycles)
 
@@ -420,25 +417,22 @@ def prior_motion(panel: LoadedPanel) -> PriorMotion | None:
 def _shared_motion(
     panel: LoadedPanel,
     instants: Floats,
-    prior: Movement | None,
     made: Callable[[], Floats],
+    *,
+    prior: bool = False,
 ) -> Floats:
     """Return positions of markers from the stress-free position, which throws share [m].
 
     Shape (n_inputs, n); each instant lies in one piece, as the kernels take it. They must not be
-    changed. Instants that cannot change are known by their identity.
+    changed.
     """
     offsets = marker_offsets(panel)
-    named, values = motion_key(panel, prior)
-    values += tuple(offsets.tolist())
-    if instants.flags.writeable:
-        values += (instants.tobytes(),)
-    else:
-        named += (instants,)
-    # not frozen: kernels are compiled for arrays that can be written to
-    shared = _motions.get(
-        named, values, lambda: np.ascontiguousarray((made() + offsets[:, np.newaxis]).T)
-    )
+    key = prior, *motion_key(panel), *offsets.tolist(), instants.tobytes()
+    shared = _motions.get(key)
+    if shared is None:
+        # not frozen: kernels are compiled for arrays that can be written to
+        shared = np.ascontiguousarray((made() + offsets[:, np.newaxis]).T)
+        _motions.put(key, shared)
     return shared.T
 
 
