@@ -12,7 +12,7 @@ from turnout.panel.foreign_object import ForeignObject
 from turnout.panel.load import load_panel
 from turnout.panel.profile import contact_height
 from turnout.throw.coordinates import dataset_coordinates, indexed
-from turnout.throw.gaps import gap_places, gap_rows
+from turnout.throw.gaps import gap_rows
 from turnout.throw.output_rows import (
     HISTORIES,
     OutputRows,
@@ -229,15 +229,6 @@ def test_merged_blocks_hold_what_they_hold_apart() -> None:
     for name, values in together.items():
         np.testing.assert_array_equal(values, apart[name])
     np.testing.assert_array_equal(together["two"], -history[:, 1:].T)
-
-
-def test_places_of_gaps_that_throws_share_cannot_be_changed() -> None:
-    panel = load_panel(DEFAULT)
-    assert gap_places(panel) is gap_places(panel)
-    for _, x, z in gap_places(panel):
-        for shared in (x, z):
-            with pytest.raises(ValueError, match="read-only"):
-                shared[0] = 1.0
 
 
 def test_rows_of_which_nothing_is_known_are_nan_and_no_zero_is_negative() -> None:

@@ -32,7 +32,7 @@ from turnout.throw.drives import (
     machine_supplies,
     moved_throws,
 )
-from turnout.throw.gaps import place_block, shape_block, split_gaps
+from turnout.throw.gaps import gaps_key, place_block, shape_block, split_gaps
 from turnout.throw.gauge import gauge_channel
 from turnout.throw.lock_and_control import (
     contact_labels,
@@ -428,12 +428,15 @@ def channel_rows(
         found += [stop_block(panel, mechanism)] if stops else []
         return merge_blocks(found + ([] if x is None else [shape_block(panel, motion, x)]))
 
-    named = (
-        *(panel.rail, panel.stock_rail, panel.chair, panel.stop, panel.stud, panel.drive),
-        *(panel.link, panel.sensor, panel.object_defaults, index.drive, index.object, index.link),
-        *(index.chair, index.chair_friction, index.roller, index.roller_friction, index.stop),
+    laws = (
+        *(index.drive, index.object, index.link, index.stop),
+        *(index.chair, index.chair_friction, index.roller, index.roller_friction),
     )
-    values = (*wanted, panel.instrumented_rail, None if x is None else x.tobytes())
-    made = row_block_of(motion, named, values, block).over_time(histories_of(history))
+    values = (
+        *(*wanted, gaps_key(panel), tuple(panel.chair), tuple(panel.link)),
+        *(tuple(found.items()) for found in laws),
+        None if x is None else x.tobytes(),
+    )
+    made = row_block_of(motion, values, block).over_time(histories_of(history))
     # those of few rows do not keep the memory of all
     return {name: rows.copy() if name in FEW_ROWS else rows for name, rows in made.items()}

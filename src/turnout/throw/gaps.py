@@ -1,6 +1,6 @@
 """Open distances between switch rails and stock rails."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -118,15 +118,23 @@ def gap_places(panel: Panel) -> list[GapPlace]:
 
     A sensor on one rail alone is there twice.
     """
-    x = _frozen([drive.x for drive in panel.drive.values()])
-    z = _frozen([drive.height for drive in panel.drive.values()])
+    x = np.array([drive.x for drive in panel.drive.values()])
+    z = np.array([drive.height for drive in panel.drive.values()])
     rails = [closed_rail(panel, position) for position in ("closed", "open")]
     sensors = [
-        (sensor.rail or rail, _frozen([sensor.x]), _frozen([sensor.height]))
+        (sensor.rail or rail, np.array([sensor.x]), np.array([sensor.height]))
         for rail in rails
         for sensor in panel.sensor.values()
     ]
     return [*((rail, x, z) for rail in rails), *sensors]
+
+
+def gaps_key(panel: Panel) -> tuple[Hashable, ...]:
+    """Return a key of all that gaps and their places follow from beside the rails of a run."""
+    # drives by their places: a study may vary what they are with each throw
+    at = tuple([(name, item.x, item.height) for name, item in panel.drive.items()])
+    shaped = panel.digest_of("rail", "stock_rail", "stop", "stud", "sensor", "object_defaults")
+    return panel.instrumented_rail, at, shaped
 
 
 def split_gaps(panel: Panel, gaps: Floats, time: Floats) -> tuple[Floats, Floats]:
@@ -207,8 +215,8 @@ def place_block(panel: Panel, motion: Motion) -> RowBlock:
 
 def gaps_over_time(panel: Panel, motion: Motion) -> Floats:
     """Return the open distances at all `gap_places`, shape (n_places, n_times) [m]."""
-    named = (gap_places(panel), panel.rail, panel.stock_rail)
-    block = row_block_of(motion, named, ("gaps",), lambda: place_block(panel, motion))
+    values = ("gaps", gaps_key(panel))
+    block = row_block_of(motion, values, lambda: place_block(panel, motion))
     return block.over_time(histories_of(motion.history))["places"]
 
 
@@ -216,8 +224,8 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
     """Return the argument of `SaveAt` for the gaps at the `gap_places` of a mechanism."""
     places = gap_places(panel)
 
-    named = [mechanism.shapes, mechanism.core, panel.rail, panel.stock_rail]
-    at = tuple((rail, x.tobytes(), z.tobytes()) for rail, x, z in places)
+    named = [mechanism.shapes, mechanism.core]
+    key = gaps_key(panel)
 
     def made(condensed: CondensedRails) -> SeenRows:
         shapes = condensed_shapes(mechanism, condensed)
@@ -226,7 +234,7 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
         parts = (-stored, -less.modes, -less.shapes, start - less.load)
         return SeenRows(*(_frozen(part) for part in parts))
 
-    return lambda condensed: _watched.get([condensed, *named], at, lambda: made(condensed))
+    return lambda condensed: _watched.get([condensed, *named], key, lambda: made(condensed))
 
 
 def _seen_together(

@@ -289,7 +289,6 @@ def output_rows(
 
 def row_block_of(
     motion: Motion,
-    named: Sequence[object],
     values: Sequence[Hashable],
     make: Callable[[], RowBlock],
 ) -> RowBlock:
@@ -297,7 +296,7 @@ def row_block_of(
     laws = motion.history.laws
     of_rails = (motion.shapes, motion.rows, motion.condensed)
     of_laws = (part.tobytes() for part in (motion.slope, laws.row, laws.friction_row))
-    return row_blocks.get((*named, *of_rails), (*values, *of_laws), make)
+    return row_blocks.get(of_rails, (*values, *of_laws), make)
 
 
 def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
