@@ -10,7 +10,7 @@ from tests.unit.test_calibration_fit import TRUE, movement, response
 
 from turnout.calibration.comparison import predicted
 from turnout.calibration.measured_movements import BIN, _Bins, _recorder
-from turnout.calibration.validation.seen_throws import SharedBins
+from turnout.calibration.validation.validate import SharedBins
 from turnout.core.toml import parse_toml
 from turnout.measurement.chain.apply import apply_chain, parse_channel_map
 from turnout.measurement.chain.recorder import LowPass, Recorder

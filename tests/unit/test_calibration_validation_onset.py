@@ -7,7 +7,7 @@ import pytest
 
 from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import MeasuredMovement, Signal
-from turnout.calibration.validation.seen_throws import onset_shifts, with_rest
+from turnout.calibration.validation.validate import onset_shifts
 
 TIME = np.arange(-0.99, 3.2, 0.02)
 CELLS = np.arange(0.002, 6.0, 0.004)
@@ -86,6 +86,4 @@ def test_a_standing_force_before_the_first_instant_is_no_step() -> None:
     moved = movement(0.0)
     off = 3000.0 - 1.02 * force(TIME)  # a model that is a little off tolerates a shift
     moved = replace(moved, direction="opening", signals=(replace(moved.signals[0], values=off),))
-    assert abs(onset_shifts([moved], [opened])[0]) > 0.05
-    assert onset_shifts([moved], [with_rest(opened)]) == pytest.approx(0.0, abs=0.01)
-    assert with_rest(replace(opened, failure="stuck")).time.size == soon.size
+    assert onset_shifts([moved], [opened]) == pytest.approx(0.0, abs=0.01)

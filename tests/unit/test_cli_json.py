@@ -176,7 +176,7 @@ def test_a_validation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     validation = "turnout.calibration.validation"
     monkeypatch.setattr(f"{validation}.validate.validate", lambda *_, **__: None)
     monkeypatch.setattr(f"{validation}.acceptance.judge", lambda _: verdict)
-    monkeypatch.setattr(f"{validation}.verdict_text.notes", lambda _: ["one note"])
+    monkeypatch.setattr(f"{validation}.acceptance.notes", lambda _: ["one note"])
     line = ("validate", tmp_path, "--calibration", tmp_path / "c.toml", "--workers", 1)
     found = printed(*line)
     assert not found["valid"]

@@ -18,6 +18,8 @@ from turnout.calibration.evaluate import Response
 from turnout.calibration.measured_movements import BIN, OBJECT_FORCE, MeasuredMovement, Signal
 
 Floats = NDArray[np.float64]
+# A response is held for so long before it begins [s].
+BEFORE = 1.0
 
 
 def compared(
@@ -61,9 +63,9 @@ class Prediction:
     onset : float
         On the schedule of the response [s].
     edges : ndarray, shape (n + 1,)
-        Of the cells of the response [s].
+        Of the cells of the response, and of a second before it, in which it stands still [s].
     totals : tuple of ndarray, shape (n + 1,)
-        Integral of each part's signal up to each edge.
+        Integral of each part's signal from the start of the response to each edge.
     failed : bool
         Whether there is no response.
     """
@@ -114,18 +116,16 @@ def prediction(
     if response.failure:
         return Prediction(centres, 0.0, np.zeros(0), (), failed=True)
     cell = response.time[1] - response.time[0]
+    edges = response.time[0] + cell * (np.arange(response.time.size + 1) - 0.5)
+    rows = [_recorded(response, signal) for signal, _ in parts]
+    # A closed switch may press its rods with some kilonewtons before it begins to move.
     return Prediction(
         centres,
         onset=response.onsets[movement.direction],
-        edges=response.time[0] + cell * (np.arange(response.time.size + 1) - 0.5),
+        edges=np.concatenate(([edges[0] - BEFORE], edges)),
         totals=tuple(
-            np.concatenate(
-                (
-                    [0.0],
-                    np.cumsum(_recorded(response, signal), dtype=np.float64) * cell,
-                )
-            )
-            for signal, _ in parts
+            np.concatenate(([-BEFORE * row[0], 0.0], np.cumsum(row, dtype=np.float64) * cell))
+            for row in rows
         ),
         failed=False,
     )

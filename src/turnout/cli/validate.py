@@ -70,9 +70,8 @@ def validate_command(
     for text in check_provenance(known, loaded):
         note(f"{calibration}: {text}")
     from turnout.calibration.evaluate import Evaluator
-    from turnout.calibration.validation.acceptance import judge
+    from turnout.calibration.validation.acceptance import judge, notes
     from turnout.calibration.validation.validate import validate
-    from turnout.calibration.validation.verdict_text import acceptance_lines, notes
 
     with (
         resumable("throws so far are cached, run the same command to continue"),
@@ -86,7 +85,7 @@ def validate_command(
         found = validate(dataset, loaded, known, evaluator=evaluator, report=report)
     verdict = judge(found)
     if not (quiet or output.as_json):
-        output.show(*acceptance_lines(verdict), *notes(found))
+        output.show(*verdict.lines, *notes(found))
     if out is not None:
         _write(output, out, found, verdict, place=place)
     level = "good" if verdict.accepted else "bad" if verdict.reasons else "look"
@@ -110,7 +109,7 @@ def _check_place(dataset: "xr.Dataset", place: str) -> None:
 def _write(
     output: Output, out: Path, found: "xr.Dataset", verdict: "Acceptance", *, place: str | None
 ) -> None:
-    from turnout.calibration.validation.verdict_text import page_text, table_text
+    from turnout.calibration.validation.acceptance import page_text, table_text
     from turnout.figures.validation import plot_comparison, plot_error_map
     from turnout.metric.campaign_statistics import object_places
 
@@ -139,6 +138,9 @@ def validation_record(verdict: "Acceptance", remarks: Sequence[str]) -> dict[str
     return {
         "valid": verdict.accepted,
         **picked(verdict, "text", "reasons", "judged", "used", "cover", "power"),
-        "channels": [{**asdict(part), "spreads": part.spreads} for part in verdict.channels],
+        "channels": [
+            {**asdict(part), "spreads": part.spreads, "kind": part.kind}
+            for part in verdict.channels
+        ],
         "remarks": [*verdict.remarks, *remarks],
     }

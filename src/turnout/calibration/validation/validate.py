@@ -1,44 +1,60 @@
-"""Predict every movement of a campaign, with the band in which the measurement should lie."""
+r"""Predict every movement of a campaign, with the band in which the measurement should lie.
+
+Measured and simulated movements stand on common channels and times; gains, zeros and clock are
+those that the calibration found. Onsets that no motor current marked are found anew: forces begin
+to grow with the cube of time, so that they give the onset to some tens of milliseconds only, and
+rather too early in all movements alike. The part of a movement before it touches an object gives it
+better.
+"""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.comparison import measured_noise
-from turnout.calibration.evaluate import Evaluator, Response
+from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
+from turnout.calibration.comparison import (
+    Comparison,
+    Key,
+    Noise,
+    Uncertainty,
+    align,
+    measured_noise,
+    peaks_of,
+    prediction,
+)
+from turnout.calibration.evaluate import Evaluator, Response, throws_done
 from turnout.calibration.linearisation import stepped_value
-from turnout.calibration.measured_movements import MeasuredMovement, later, observe
+from turnout.calibration.measured_movements import (
+    BIN,
+    MeasuredMovement,
+    Signal,
+    later,
+    observe,
+)
+from turnout.calibration.misfit import Misfit
 from turnout.calibration.requirements import exclude_oversized_objects, excluded_movements
 from turnout.calibration.result import Calibration
+from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, chain_key
 from turnout.calibration.stages import Fitted, Parameter
-from turnout.calibration.validation.acceptance import first_order_power, judged_movements
+from turnout.calibration.validation.acceptance import (
+    PossibleError,
+    Rules,
+    judge,
+    judged_movements,
+    noticed_errors,
+    rows_of,
+)
 from turnout.calibration.validation.prediction_bands import (
-    BandParts,
-    Direction,
-    LeftOut,
     ThrowScatter,
     coverage_limits,
     leave_out_places,
     scatter_of,
-)
-from turnout.calibration.validation.seen_throws import (
-    CHECKING,
-    DRIVE,
-    OBJECT,
-    OTHER_CHAIN,
-    PREDICTING,
-    Report,
-    Seen,
-    SharedBins,
-    announce,
-    chain_directions,
-    found_chain,
-    onset_shifts,
-    thrown_as_fitted,
+    variance_of,
 )
 from turnout.core.channels import SCHEMA_VERSION
 from turnout.core.errors import MeasurementError
@@ -56,112 +72,404 @@ from turnout.metric.channel_features import channel_features, contact_time
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
-SIDES = ("up", "down")
+Chain = Mapping[str, tuple[float, float]]
+Report = Callable[[str, int, int], None]
+DIMS = ("channel", "movement", "time")
+OBJECT = "object"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedBins:
+    """Channels and bins of time that all movements share.
+
+    Attributes
+    ----------
+    keys : tuple of (str, str)
+        Channel and drive: of each drive, then that of the object.
+    time : ndarray, shape (n,)
+        Centres of the bins from the onset [s].
+    bins : ndarray of int, shape (n,)
+        Which bins of the signals these are.
+    """
+
+    keys: tuple[Key, ...]
+    time: Floats
+    bins: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, movements: Sequence[MeasuredMovement]) -> "SharedBins":
+        """Return the grid from the onset to the end of the longest movement."""
+        keys = {(s.channel, s.drive) for item in movements for s in item.signals}
+        time = movements[0].signals[0].time
+        last = max(item.length for item in movements)
+        bins = np.flatnonzero((time >= 0.0) & (time + 0.5 * BIN <= last))
+        return cls(tuple(sorted(keys)), time[bins], bins)
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of the channels: "drive 1", "drive 2", ..., "object"."""
+        return [f"drive {drive}" if drive else OBJECT for _, drive in self.keys]
+
+    def measured(self, movements: Sequence[MeasuredMovement]) -> Floats:
+        """Return means over bins, shape (n_channels, n_movements, n); NaN where there are none."""
+        rows = [[signal.values[self.bins] for signal in self._signals(m)] for m in movements]
+        return self._inside(movements, rows)
+
+    def predicted(
+        self,
+        movements: Sequence[MeasuredMovement],
+        responses: Sequence[Response],
+        *,
+        shifts: Floats,
+        rate: float = 0.0,
+    ) -> Floats:
+        """Return the same of simulations, also where nothing was measured.
+
+        `shifts` is how much later than marked each movement began, shape (n_movements,) [s], and
+        `rate` the share by which seconds of the recorder are too short [-].
+        """
+        rows = [
+            prediction(response, item, [(signal, self.bins) for signal in self._signals(item)])
+            .row(shift, rate)
+            .reshape(len(self.keys), -1)
+            for item, response, shift in zip(movements, responses, shifts.tolist(), strict=True)
+        ]
+        return self._inside(movements, rows)
+
+    def _signals(self, item: MeasuredMovement) -> list[Signal]:
+        """Return the signal of each channel; of one that was not measured, without values."""
+        known, any_signal = {(s.channel, s.drive): s for s in item.signals}, item.signals[0]
+        time, recorder = any_signal.time, any_signal.recorder
+        nothing = np.full(time.size, np.nan)
+        return [
+            known.get(key)
+            or Signal(channel=key[0], drive=key[1], time=time, values=nothing, recorder=recorder)
+            for key in self.keys
+        ]
+
+    def _inside(self, movements: Sequence[MeasuredMovement], rows: Sequence[object]) -> Floats:
+        """Return rows by movement as an array by channel, NaN after the end of each movement."""
+        found = np.array(rows, dtype=np.float64).transpose(1, 0, 2)
+        ends = np.array([item.length for item in movements])
+        return np.where(self.time + 0.5 * BIN <= ends[:, None], found, np.nan)
+
+
+OTHER_CHAIN = (
+    "gains, zeros and clock of the calibration are of another channel map, and not applied"
+)
+
+
+def found_chain(dataset: xr.Dataset, calibration: Calibration) -> Chain:
+    """Return what is known of the chain of a campaign: nothing where it is another one.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `build_campaign`.
+    calibration : Calibration
+        With value and deviation of each gain, zero and of the clock.
+    """
+    own = str(dataset.attrs.get("channel_map_hash", ""))
+    return calibration.chain if own == calibration.about.get("channel_map_hash", "") else {}
+
+
+def of_chain(keys: Sequence[Key], chain: Chain, which: int) -> tuple[Floats, Floats, float]:
+    """Return gains on the diagonal of a matrix of cross-talk, zeros [N] and clock; 0 for none.
+
+    Of channels by their sources, shape (n_channels, n_channels), and of channels, shape
+    (n_channels, 1, 1). `which` is 0 for values and 1 for deviations.
+    """
+
+    def value(kind: str, key: Key = ("", ""), source: Key = ("", "")) -> float:
+        return chain.get(chain_key(kind, *key, source=source), (0.0, 0.0))[which]
+
+    gains = [
+        [value(GAIN, key) if key == other else value(CROSS_TALK, key, other) for other in keys]
+        for key in keys
+    ]
+    zeros = np.reshape([value(ZERO, key) for key in keys], (-1, 1, 1))
+    return np.array(gains), zeros, value(CLOCK)
+
+
+def through_chain(
+    responses: Sequence[Response],
+    movements: Sequence[MeasuredMovement],
+    grid: SharedBins,
+    chain: Chain,
+    *,
+    shifts: Floats,
+) -> Floats:
+    r"""Return forces as the chain of a campaign shows them, by channel, movement and time [N].
+
+    .. math:: F_{seen}(t) = (1 + g) F(t / (1 + c)) + \sum_o x_o F_o(t / (1 + c)) + z
+
+    with gain `g` and zero `z` of each channel, cross-talk `x` from each other one, and the share
+    `c` by which seconds are too short.
+
+    Parameters
+    ----------
+    responses, movements : sequence of Response, of MeasuredMovement
+        Simulated, and what was thrown.
+    grid : SharedBins
+        With channels and times from the onset.
+    chain : mapping of str to (float, float)
+        From `found_chain`.
+    shifts : ndarray, shape (n_movements,)
+        How much later than marked each movement began [s].
+    """
+    gain, zero, clock = of_chain(grid.keys, chain, 0)
+    forces = grid.predicted(movements, responses, shifts=shifts, rate=clock)
+    return np.asarray(forces + np.tensordot(gain, forces, axes=1) + zero)
+
+
+def chain_directions(forces: Floats, grid: SharedBins, chain: Chain) -> Floats:
+    """Find the change of forces with one deviation of each unknown of the chain [N].
+
+    Gain or cross-talk from each channel, clock and zeros, shape
+    (n_channels + 2, n_channels, n_movements, n_times). Each channel has values of its own, so that
+    sums over channels of these mean nothing.
+    """
+    gain, zero, clock = of_chain(grid.keys, chain, 1)
+    of_sources = gain.T[:, :, None, None] * forces[:, None]
+    return np.stack([*of_sources, clock * grid.time * later(forces), zero + 0.0 * forces])
+
+
+# Expected of a marked onset: beyond it, forces must say so more clearly [s].
+UNCERTAINTY = 0.05
+# Before the onset, and before the contact [s]; a part shorter than `LEAST` is not used.
+BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
+# Onsets that currents mark are good to 5 ms each; three times that in all movements is a lead [s].
+CLEAR_LEAD = 0.015
+# Share of the largest force that a model may miss without saying something of the onset [-].
+MISSED = 0.01
+
+
+def onset_shifts(movements: Sequence[MeasuredMovement], responses: Sequence[Response]) -> Floats:
+    """Return how much later than marked each movement began.
+
+    Parameters
+    ----------
+    movements : sequence of MeasuredMovement
+        From `observe`; onsets without motor current are searched.
+    responses : sequence of Response
+        Of the model, one each.
+
+    Returns
+    -------
+    ndarray, shape (n_movements,)
+        [s]; where motor currents marked the onsets, the lead of the motors over the rods, zero for
+        none; of a movement that touches its object at once, the median of the others in its
+        direction.
+    """
+    found = np.array(
+        [_shift(item, response) for item, response in zip(movements, responses, strict=True)]
+    )
+    clocked = np.array([item.clocked for item in movements], dtype=np.bool_)
+    found[clocked] = _lead(found[clocked])
+    directions = np.array([item.direction for item in movements])
+    for number in np.flatnonzero(np.isnan(found)):
+        alike = found[(directions == directions[number]) & np.isfinite(found)]
+        found[number] = float(np.median(alike)) if alike.size else 0.0
+    return found
+
+
+def _lead(shifts: Floats) -> float:
+    """Return how long motors run before the rods move, where all movements say so [s].
+
+    Examples
+    --------
+    >>> _lead(np.array([0.149, 0.151, np.nan])), _lead(np.array([0.004, -0.003]))
+    (0.15, 0.0)
+    """
+    known = shifts[np.isfinite(shifts)]
+    lead = float(np.median(known)) if known.size > 1 else 0.0
+    return lead if abs(lead) > CLEAR_LEAD else 0.0
+
+
+def _shift(item: MeasuredMovement, response: Response) -> float:
+    """Return the shift that makes the free part of one movement fit best; NaN where there is none.
+
+    The free part ends where the model touches the object, on a clock that may be off itself.
+    """
+    noise = {key: Noise(white=MISSED * max(peak, 1.0)) for key, peak in peaks_of([item]).items()}
+    known = Uncertainty(onset=UNCERTAINTY, clocked_onset=UNCERTAINTY, zero=0.0, gain=0.0)
+    touched, shift = item.length, 0.0
+    if item.size > 0 and np.isfinite(response.contact_time):
+        touched = response.contact_time - response.onsets[item.direction] - CLEARANCE
+    if response.failure or min(touched, item.length) < LEAST:
+        return float("nan")
+    for _ in range(2):
+        window = (-BEFORE, min(touched + shift, item.length))
+        how = Comparison(noise=noise, channels=("drive_force",), window=window, uncertainty=known)
+        shift = align(item, response, comparison=how, sensitivities={}).shift
+    return shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Model:
-    """Prediction of all movements at the calibrated values.
+    """Movements as the calibrated model throws them, seen as they were measured.
 
     Attributes
     ----------
-    forces, later : ndarray, shape (n_channels, n_movements, n_times)
-        Through the chain as it was found [N], and their change with a later onset [N/s].
-    slopes : mapping of str to ndarray, shape as forces
-        By parameter [N over its unit].
-    asides : mapping of str to sequence of Response
-        By parameter the throws of all movements that slopes are from.
-    contacts : ndarray, shape (n_movements,)
-        First touches of objects from the onset [s].
-    seen : Seen
-        Throws all movements.
+    thrown : Misfit
+        Throws them.
+    grid : SharedBins
+        On which forces are compared.
+    chain : mapping of str to (float, float)
+        Gains, zeros and clock as they were found: a sound prediction would differ by them.
+    shifts : ndarray, shape (n_movements,)
+        How much later than marked each movement began [s].
+    forces : ndarray, shape (n_channels, n_movements, n_times)
+        At the calibrated values [N].
+    slopes : ndarray, shape (p, n_channels, n_movements, n_times)
+        Of these with each fitted value [N over its unit].
+    failures : tuple of str
+        Why a throw for one of these slopes failed; empty for none.
     """
 
+    thrown: Misfit
+    grid: SharedBins
+    chain: Chain
+    shifts: Floats
     forces: Floats
-    later: Floats
-    slopes: Mapping[str, Floats]
-    asides: Mapping[str, Sequence[Response]]
-    contacts: Floats
-    seen: Seen
+    slopes: Floats
+    failures: tuple[str, ...]
 
-    @property
-    def of_chain(self) -> Floats:
-        """What one deviation of gains, clock and zeros makes of forces, as `chain_directions`."""
-        return chain_directions(self.forces, self.later, self.seen.grid, self.seen.chain)
+    @classmethod
+    def of(
+        cls,
+        movements: Sequence[MeasuredMovement],
+        calibration: Calibration,
+        evaluator: Evaluator,
+        *,
+        chain: Chain,
+        report: Report | None,
+    ) -> "Model":
+        """Throw all movements at the calibrated values, and one step aside for each parameter."""
+        fitted, values = calibration.fitted, calibration.values
+        asides = {item.name: stepped_value(_parameter(item), item.value) for item in fitted}
+        times = 1 + len(fitted) + bool(calibration.about.get("refined"))
+        announce(report, "predicting", times, movements=movements, evaluator=evaluator)
+        thrown = thrown_as_fitted(movements, calibration, evaluator)
+        plain, *aside = thrown.responses([values, *({**values, n: v} for n, v in asides.items())])
+        failed = [
+            f"{item.text}: cannot be simulated: {response.failure}"
+            for item, response in zip(movements, plain, strict=True)
+            if response.failure
+        ]
+        if len(failed) == len(movements):
+            raise MeasurementError(failed[:3], source="validation")
+        grid, shifts = SharedBins.of(movements), onset_shifts(movements, plain)
+        seen = [
+            through_chain(row, movements, grid, chain, shifts=shifts) for row in (plain, *aside)
+        ]
+        steps = [asides[item.name] - item.value for item in fitted]
+        slopes = [(row - seen[0]) / step for row, step in zip(seen[1:], steps, strict=True)]
+        return cls(
+            thrown=thrown,
+            grid=grid,
+            chain=chain,
+            shifts=shifts,
+            forces=seen[0],
+            slopes=np.array(slopes).reshape(len(fitted), *seen[0].shape),
+            failures=tuple(_failure(movements, seen[0], row) for row in aside),
+        )
+
+    def made(
+        self, settings: Sequence[Mapping[str, float]], numbers: NDArray[np.intp]
+    ) -> list[Floats | str]:
+        """Return forces of some movements at values by name, or why a throw failed."""
+        part, shifts = self.thrown.of(numbers.tolist()), self.shifts[numbers]
+        return [
+            _failure(part.movements, self.forces[:, numbers], row)
+            or through_chain(row, part.movements, self.grid, self.chain, shifts=shifts)
+            for row in part.responses(settings)
+        ]
 
 
-def with_bends(
-    found: xr.Dataset, calibration: Calibration, model: Model, *, report: Report | None = None
-) -> xr.Dataset:
-    """Throw each value to either side where first order says that the verdict notices it.
+def thrown_as_fitted(
+    movements: Sequence[MeasuredMovement], calibration: Calibration, evaluator: Evaluator
+) -> Misfit:
+    """Return movements as a calibration throws them: with its causes, and objects as found.
 
     Parameters
     ----------
-    found : xarray.Dataset
-        As of `validate`, without `bend`.
+    movements : sequence of MeasuredMovement
+        Of a campaign.
     calibration : Calibration
-        With the values.
-    model : Model
-        Forces, their slopes, and what throws all movements.
-    report : callable, optional
-        As of `announce`.
-
-    Returns
-    -------
-    xarray.Dataset
-        With `bend` (side, parameter, channel, movement, time), what forces change beyond first
-        order, over the square of a change; 0 where nothing is noticed, and where a throw failed.
-        The attribute `unchecked` says of these parameters why, as JSON.
+        Values, causes and objects; where it was fitted with fine throws, what these change is part
+        of each response.
+    evaluator : Evaluator
+        Open; throws the panel as it was before the calibration.
     """
-    bends = xr.concat([xr.zeros_like(found["change"])] * len(SIDES), "side")
-    bends = bends.assign_coords(side=list(SIDES))
-    chosen = judged_movements(found["used"].values, found["left_out"].values)
-    part, plain = model.seen.of(chosen), model.forces[:, chosen]
-    movements = part.movements
-    unchecked = {
-        name: reason
-        for name in found["parameter"].values.tolist()
-        if (reason := _failure(movements, [model.asides[name][n] for n in chosen], plain))
-    }
-    fitted = {item.name: item for item in calibration.fitted}
-    steps = [
-        (name, side, amount, amount * (1.0 if fitted[name].unit == "m" else fitted[name].value))
-        for name, amounts in first_order_power(found).items()
-        for side, amount in zip(SIDES, amounts, strict=True)
-        if name not in unchecked
-    ]
-    settings = [
-        {**calibration.values, name: fitted[name].value + step} for name, _, _, step in steps
-    ]
-    evaluator = part.thrown.evaluator
-    announce(report, CHECKING, len(settings), movements=movements, evaluator=evaluator)
-    thrown = part.responses(settings)
-    for (name, side, amount, step), row in zip(steps, thrown, strict=True):
-        reason = _failure(movements, row, plain)
-        if reason:
-            unchecked.setdefault(name, reason)
-            continue
-        linear = plain + step * model.slopes[name][:, chosen]
-        place = {"parameter": name, "side": side, "movement": found["movement"].values[chosen]}
-        bends.loc[place] = (part.forces(row) - linear) / amount**2
-    return found.assign(bend=bends).assign_attrs(unchecked=json.dumps(unchecked))
+    parameters = calibration.parameters
+    causes = fitted_causes(evaluator.panel, parameters)
+    found = Misfit(
+        evaluator=evaluator,
+        parameters=(),
+        base={**calibration.values, **{item.name: item.value for item in calibration.objects}},
+        movements=tuple(movements),
+        comparison=Comparison(noise={}),
+        law=partial(overrides_with, causes, parameters),
+        shape=partial(shaped, causes),
+    )
+    return found.refined({}, halved=False) if calibration.about.get("refined") else found
 
 
-def _failure(
-    movements: Iterable[MeasuredMovement], responses: Sequence[Response], forces: Floats
-) -> str:
+def _parameter(item: Fitted) -> Parameter:
+    return Parameter(
+        name=item.name,
+        keys=item.keys,
+        start=item.value,
+        lower=item.lower,
+        upper=item.upper,
+        unit=item.unit,
+        transform="log" if item.lower > 0 else "linear",
+    )
+
+
+def _failure(movements: Sequence[MeasuredMovement], forces: Floats, row: Sequence[Response]) -> str:
     """Return why the first of some throws failed whose movement is predicted; else nothing."""
-    predicted = np.asarray(np.isfinite(forces).any(axis=(0, 2)), dtype=np.bool_)
-    for item, response, known in zip(movements, responses, predicted, strict=True):
-        if response.failure and known:
+    known = np.asarray(np.isfinite(forces).any(axis=(0, 2)))
+    for item, is_known, response in zip(movements, known, row, strict=True):
+        if response.failure and is_known:
             return f"{item.text}: {' '.join(response.failure.split())}"
     return ""
+
+
+def announce(
+    report: Report | None,
+    stage: str,
+    times: int,
+    *,
+    movements: Sequence[MeasuredMovement],
+    evaluator: Evaluator,
+) -> None:
+    """Report each throw from now on, as one of those that throw all objects so many times.
+
+    Parameters
+    ----------
+    report : callable or None
+        Called after each throw with the stage, and the throws done and in all of that stage.
+    stage : str
+        What the throws are for.
+    times : int
+        How often movements are thrown; repeats are thrown once.
+    movements : sequence of MeasuredMovement
+        Those that are.
+    evaluator : Evaluator
+        That throws them.
+    """
+    if report is not None:
+        total = times * len({(item.place, item.size) for item in movements})
+        begun = throws_done(evaluator)
+        evaluator.on_throw = lambda: report(stage, throws_done(evaluator) - begun, total)
 
 
 # 95 % of a normal distribution lie within so many standard deviations.
 QUANTILE = 1.959964
 # Parameters that a throw can have of its own, by the end of their key, and how much is expected.
-FRICTION, LEVEL = ("friction_coefficient", 0.02), ("saturation_force", 0.01)
+SCATTERING = {"friction_coefficient": 0.02, "saturation_force": 0.01}
 # Standard uncertainty of an onset, from motor currents or from the free part [s].
 ONSET = 0.005
 SHEET = ("direction", "size", "place", "repeat", "slipped")
@@ -195,7 +503,7 @@ def validate(
     evaluator : Evaluator
         Open; throws the same panel.
     report : callable, optional
-        As of `Seen`: called with the stage, and the throws done and in all of that stage.
+        As of `announce`.
 
     Returns
     -------
@@ -204,12 +512,9 @@ def validate(
         `cover`, and features as `slope_measured`, `slope_predicted` and so on (channel, movement);
         `repeat_spread`, `scale` (channel); `used`, `left_out` (whether it is predicted from other
         places alone), `cover_limit`, `cover_samples` (channel): least coverage of its band, and the
-        independent instants that this rests on; `change` (parameter, channel, movement, time) [N
-        for all of a value, N/m for a length], and `bend` (side, ...), by how much more upwards and
-        downwards with the square of a change, thrown where a model that is not refused would notice
-        it (0 where a throw fails, with the reason as JSON in the attribute `unchecked`);
-        `touched`, when the model touches the object, and `onset_shift`, how much later than
-        marked a movement without motor currents began (movement) [s].
+        independent instants that this rests on; `onset_shift`, how much later than marked a
+        movement without motor currents began (movement) [s]. The attribute `noticed` says how
+        large errors a model that is not refused would have to have to be, as JSON.
 
     Raises
     ------
@@ -217,55 +522,128 @@ def validate(
         When the campaign does not fit the panel, or no throw can be simulated.
     """
     movements, oversized = exclude_oversized_objects(observe(dataset, panel), panel)
-    grid = SharedBins.of(movements)
     chain = found_chain(dataset, calibration)
-    model = _model(movements, grid, calibration, evaluator, chain, report)
+    model = Model.of(movements, calibration, evaluator, chain=chain, report=report)
     sheet = dataset.sel(movement=[item.name for item in movements])
+    measured = _array(model.grid, model.grid.measured(movements), sheet)
     groups = repeat_groups(sheet)
-    measured = _array(grid, grid.measured(movements), sheet)
-    directions = _directions(model, calibration)
-    noise = _noise(movements, grid)
-    scatter = scatter_of(measured.values, directions, groups=groups, noise=noise)
+    names, scatter = _scatter(model, measured.values, calibration, groups)
     used = np.isin(sheet["movement"].values, _used(calibration))
-    left = _left_out(model, measured.values, calibration, movements, (scatter, directions), used)
-    forecast = measured.copy(data=left.forces)
-    reach = QUANTILE * np.sqrt(scatter.variance + left.variance + (model.of_chain**2).sum(axis=0))
-    low, high = forecast - reach, forecast + reach
-    parts = _band_parts(
-        (model, calibration),
-        (scatter, directions),
-        left,
-        reach=np.where(np.isfinite(measured.values), reach, np.nan),
-        judged=judged_movements(used, left.predicted),
-    )
+    forces, variance = model.forces, variance_of(model.slopes, calibration.covariance)
+    left_out, plain = np.zeros(used.size, dtype=np.bool_), variance
+    if used.all() and len(model.slopes):
+        forces, variance, left_out = leave_out_places(
+            measured.values,
+            model.forces,
+            model.slopes,
+            places=[item.place for item in movements],
+            covariance=calibration.covariance,
+            scatter=scatter,
+        )
+    of_chain = chain_directions(model.forces, model.grid, chain)
+    half = QUANTILE * np.sqrt(scatter.variance + variance + (of_chain**2).sum(axis=0))
+    forecast, reach = measured.copy(data=forces), measured.copy(data=half)
     found = xr.Dataset(
         {
             "measured": measured,
             "predicted": forecast,
-            "low": low,
-            "high": high,
+            "low": forecast - reach,
+            "high": forecast + reach,
             "rms": rms_difference(measured, forecast),
             "nrmse": nrmse(measured, forecast),
-            "cover": band_coverage(measured, low, high),
+            "cover": band_coverage(measured, forecast - reach, forecast + reach),
             "scale": channel_scale(measured),
             "repeat_spread": _spread(measured, groups, scatter),
             "used": ("movement", used),
-            "left_out": ("movement", left.predicted),
-            "onset_shift": ("movement", model.seen.shifts, {"units": "s"}),
-            **_least_covers(parts),
-            "touched": ("movement", model.contacts, {"units": "s"}),
-            "change": _changes(model, measured, calibration),
+            "left_out": ("movement", left_out),
+            "onset_shift": ("movement", model.shifts, {"units": "s"}),
             **_features(measured, forecast),
         },
         attrs={
             **_origin(dataset, panel, calibration),
-            "scatter": json.dumps({**scatter.sizes, "repeats": scatter.repeated}),
+            "scatter": json.dumps({**names, "repeats": sum(map(len, groups))}),
             "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
-            "onsets": "marked" if all(item.clocked for item in movements) else "fitted",
             "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
-    return with_bends(found, calibration, model, report=report)
+    # Where a place is predicted without itself, less is known of it.
+    wider = np.sqrt(np.divide(variance, plain, out=np.ones_like(plain), where=plain > 0.0))
+    squares, vectors = np.linalg.eigh(calibration.covariance)
+    roots = (vectors * np.sqrt(np.maximum(squares, 0.0))).T
+    common = np.concatenate((of_chain, np.tensordot(roots, model.slopes, axes=1) * wider))
+    judged = judged_movements(found)
+    seen = np.where(np.isfinite(measured.values), half, np.nan)[:, judged]
+    own = replace(scatter, own=scatter.own[:, :, judged])
+    limit, samples = coverage_limits(seen, common[:, :, judged], own)
+    found = found.assign(cover_limit=("channel", limit), cover_samples=("channel", samples))
+    noticed = _noticed(found, model, calibration, report)
+    return found.assign_attrs(noticed=json.dumps(noticed))
+
+
+def _scatter(
+    model: Model, measured: Floats, calibration: Calibration, groups: list[list[int]]
+) -> tuple[dict[str, float], ThrowScatter]:
+    """Return by name how much throws differ, and what this makes of forces."""
+    names, slopes, expected = list[str](), list[Floats](), list[float]()
+    for item, slope in zip(calibration.fitted, model.slopes, strict=True):
+        for ending, share in SCATTERING.items():
+            if any(key.endswith(ending) for key in item.keys):
+                names.append(item.name)
+                slopes.append(slope * item.value)
+                expected.append(calibration.scatter.get(item.name, share))
+    names.append("onset [s]")
+    known = {key: noise.total for key, noise in measured_noise(model.thrown.movements).items()}
+    found = scatter_of(
+        measured,
+        np.array([*slopes, later(model.forces)]),
+        [*expected, ONSET],
+        groups=groups,
+        noise=np.array([known[key] for key in model.grid.keys]),
+    )
+    return dict(zip(names, found.sizes.tolist(), strict=True)), found
+
+
+def _noticed(
+    found: xr.Dataset, model: Model, calibration: Calibration, report: Report | None
+) -> list[str]:
+    """Say which errors the verdict would notice; nothing where it refuses the model already."""
+    if judge(found).reasons:
+        return []
+    chosen = judged_movements(found)
+    part, forces = found.isel(movement=chosen), model.forces[:, chosen]
+    # The size of a cause is no value of the panel that anyone could have got wrong.
+    fitted = {item.name: item for item in calibration.fitted if item.keys}
+    whole = {name: 1.0 if item.unit == "m" else item.value for name, item in fitted.items()}
+    errors = [
+        PossibleError(
+            name=item.name,
+            change=whole[item.name] * slope[:, chosen],
+            unit="m" if item.unit == "m" else "",
+            unchecked=failure,
+        )
+        for item, slope, failure in zip(
+            calibration.fitted, model.slopes, model.failures, strict=True
+        )
+        if item.keys
+    ]
+    predicted = rows_of(part["predicted"])
+    clocked = all(item.clocked for item in model.thrown.movements)
+    if clocked:
+        errors.append(PossibleError(name="onset", change=later(predicted), unit="s"))
+
+    def throw(wrong: list[tuple[str, float]]) -> list[Floats | str]:
+        settings = [{name: fitted[name].value + off * whole[name]} for name, off in wrong]
+        movements = [model.thrown.movements[n] for n in chosen]
+        evaluator = model.thrown.evaluator
+        stage = "checking what would be noticed"
+        announce(report, stage, len(settings), movements=movements, evaluator=evaluator)
+        made = model.made(settings, chosen)
+        return [row if isinstance(row, str) else predicted + row - forces for row in made]
+
+    lines = noticed_errors(Rules.of(part), predicted, errors, model.grid.channels, throw=throw)
+    if not clocked:
+        lines.append("onset: not judged, it is fitted to each movement that no motor current marks")
+    return lines
 
 
 def _origin(dataset: xr.Dataset, panel: LoadedPanel, calibration: Calibration) -> dict[str, object]:
@@ -282,186 +660,9 @@ def _origin(dataset: xr.Dataset, panel: LoadedPanel, calibration: Calibration) -
     }
 
 
-def _least_covers(parts: BandParts) -> dict[str, tuple[str, Floats]]:
-    limit, samples = coverage_limits(parts)
-    return {"cover_limit": ("channel", limit), "cover_samples": ("channel", samples)}
-
-
-def _changes(model: Model, measured: xr.DataArray, calibration: Calibration) -> xr.DataArray:
-    """Return how much forces change with each parameter: for all of it [N], a length [N/m]."""
-    # The size of a cause is no value of the panel that anyone could have got wrong.
-    fitted = [item for item in calibration.fitted if item.keys]
-    rows = [model.slopes[i.name] * (1.0 if i.unit == "m" else i.value) for i in fitted]
-    stacked = np.stack(rows) if rows else np.zeros((0, *measured.shape))
-    known = stacked.astype(np.float32)
-    coordinates = {
-        **measured.coords,
-        "parameter": [item.name for item in fitted],
-        "unit": ("parameter", np.array([item.unit for item in fitted], dtype=np.str_)),
-    }
-    return xr.DataArray(known, coordinates, ("parameter", *measured.dims))
-
-
-def _band_parts(
-    found: tuple[Model, Calibration],
-    scattered: tuple[ThrowScatter, Sequence[Direction]],
-    left: LeftOut,
-    *,
-    reach: Floats,
-    judged: NDArray[np.intp],
-) -> BandParts:
-    """Return what the bands of the movements that are judged are made of."""
-    model, calibration = found
-    scatter, directions = scattered
-    common = model.of_chain
-    if model.slopes:
-        stacked = np.stack(list(model.slopes.values()))
-        values, vectors = np.linalg.eigh(calibration.covariance)
-        roots = vectors * np.sqrt(np.maximum(values, 0.0))
-        plain = _of_parameters(model, calibration)
-        # Where a place is predicted without itself, less is known of it.
-        wider = np.sqrt(np.divide(left.variance, plain, out=np.ones_like(plain), where=plain > 0.0))
-        common = np.concatenate((common, np.tensordot(roots.T, stacked, axes=1) * wider))
-    own = np.stack([scatter.sizes[item.name] * item.slope for item in directions])
-    return BandParts(
-        reach=reach[:, judged],
-        common=common[:, :, judged],
-        own=own[:, :, judged],
-        freedom=np.array([scatter.freedom[item.name] for item in directions]),
-        rest=scatter.rest,
-        decay=scatter.decay,
-    )
-
-
 def _used(calibration: Calibration) -> list[str]:
     """Return every movement that any stage was fitted to."""
-    names = [*calibration.movements, *(n for stage in calibration.stages for n in stage.movements)]
-    return list(dict.fromkeys(names))
-
-
-def _model(
-    movements: Sequence[MeasuredMovement],
-    grid: SharedBins,
-    calibration: Calibration,
-    evaluator: Evaluator,
-    chain: Mapping[str, tuple[float, float]],
-    report: Report | None,
-) -> Model:
-    """Simulate all movements at the calibrated values and one step away for each parameter.
-
-    Through the chain as it was found: a sound prediction would differ by the gains of the gauges.
-    """
-    steps: dict[str, float] = {}
-    settings: list[dict[str, float]] = [calibration.values]
-    for item in calibration.fitted:
-        aside = stepped_value(_parameter(item), item.value)
-        steps[item.name] = aside - item.value
-        settings.append({**calibration.values, item.name: aside})
-    refined = bool(calibration.about.get("refined"))
-    times = len(settings) + refined
-    announce(report, PREDICTING, times, movements=movements, evaluator=evaluator)
-    model = thrown_as_fitted(movements, calibration, evaluator)
-    seen = Seen(thrown=model, grid=grid, chain=chain)
-    thrown = seen.responses(settings)
-    responses = thrown[0]
-    failed = [
-        f"{item.text}: cannot be simulated: {response.failure}"
-        for item, response in zip(movements, responses, strict=True)
-        if response.failure
-    ]
-    if len(failed) == len(movements):
-        raise MeasurementError(failed[:3], source="validation")
-    shifts = onset_shifts(movements, responses)
-    seen = replace(seen, shifts=shifts)
-    sets = [seen.forces(row) for row in thrown]
-    slopes = {
-        name: (aside - sets[0]) / step
-        for (name, step), aside in zip(steps.items(), sets[1:], strict=True)
-    }
-    contacts = np.array(
-        [
-            response.contact_time - response.onsets[item.direction] + shift
-            if item.size > 0 and not response.failure
-            else np.nan
-            for item, response, shift in zip(movements, responses, shifts, strict=True)
-        ]
-    )
-    return Model(
-        forces=sets[0],
-        slopes=slopes,
-        asides=dict(zip(steps, thrown[1:], strict=True)),
-        later=later(sets[0]),
-        contacts=contacts,
-        seen=seen,
-    )
-
-
-def _parameter(item: Fitted) -> Parameter:
-    return Parameter(
-        name=item.name,
-        keys=item.keys,
-        start=item.value,
-        lower=item.lower,
-        upper=item.upper,
-        unit=item.unit,
-        transform="log" if item.lower > 0 else "linear",
-    )
-
-
-def _directions(model: Model, calibration: Calibration) -> list[Direction]:
-    found = []
-    for item in calibration.fitted:
-        for ending, share in (FRICTION, LEVEL):
-            if any(key.endswith(ending) for key in item.keys):
-                known = calibration.scatter.get(item.name, share)
-                slope = model.slopes[item.name] * item.value
-                found.append(Direction(name=item.name, slope=slope, expected=known))
-    found.append(Direction(name="onset [s]", slope=model.later, expected=ONSET))
-    return found
-
-
-def _of_parameters(model: Model, calibration: Calibration) -> Floats:
-    """Return the variance from the uncertainty of the fitted parameters [N^2]."""
-    if not model.slopes:
-        return np.zeros_like(model.forces)
-    stacked = np.stack(list(model.slopes.values()))
-    found = np.einsum("i...,ij,j...->...", stacked, calibration.covariance, stacked)
-    return np.asarray(found, dtype=np.float64)
-
-
-def _left_out(
-    model: Model,
-    measured: Floats,
-    calibration: Calibration,
-    movements: Sequence[MeasuredMovement],
-    scattered: tuple[ThrowScatter, Sequence[Direction]],
-    used: NDArray[np.bool_],
-) -> LeftOut:
-    """Predict as the fit does, or each place from the others where it has seen all movements."""
-    scatter, directions = scattered
-    if used.all() and model.slopes:
-        return leave_out_places(
-            measured,
-            model.forces,
-            model.slopes,
-            places=[item.place for item in movements],
-            variance=np.broadcast_to(scatter.rest[:, None, None] ** 2, measured.shape),
-            covariance=calibration.covariance,
-            alike=[scatter.sizes[item.name] * item.slope for item in directions],
-        )
-    return LeftOut(
-        forces=model.forces,
-        variance=_of_parameters(model, calibration),
-        predicted=np.zeros(used.size, dtype=np.bool_),
-    )
-
-
-def _noise(movements: Sequence[MeasuredMovement], grid: SharedBins) -> Floats:
-    known = {
-        f"{DRIVE}{drive}" if drive else OBJECT: noise.total
-        for (_, drive), noise in measured_noise(movements).items()
-    }
-    return np.array([known[name] for name in grid.channels])
+    return [*calibration.movements, *(n for stage in calibration.stages for n in stage.movements)]
 
 
 def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: ThrowScatter) -> xr.DataArray:
@@ -479,12 +680,12 @@ def _spread(measured: xr.DataArray, groups: list[list[int]], scatter: ThrowScatt
 def _array(grid: SharedBins, values: Floats, sheet: xr.Dataset) -> xr.DataArray:
     kept = {key: ("movement", sheet[key].values) for key in SHEET if key in sheet.coords}
     coordinates = {
-        "channel": list(grid.channels),
+        "channel": grid.channels,
         "movement": sheet["movement"].values,
         "time": grid.time,
         **kept,
     }
-    return xr.DataArray(values, coordinates, ("channel", "movement", "time"), attrs={"units": "N"})
+    return xr.DataArray(values, coordinates, DIMS, attrs={"units": "N"})
 
 
 def _features(measured: xr.DataArray, forecast: xr.DataArray) -> dict[str, xr.DataArray]:

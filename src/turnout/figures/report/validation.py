@@ -11,8 +11,9 @@ from turnout.calibration.validation.acceptance import (
     MOST_SPREADS,
     Acceptance,
     judge,
+    notes,
+    scatter_text,
 )
-from turnout.calibration.validation.verdict_text import notes, scatter_text
 from turnout.core.value_text import count_text
 from turnout.figures.report.inputs import origin_section
 from turnout.figures.report.page import FEW_POINTS, Heat, Page, Picture, Section, Table
@@ -23,12 +24,6 @@ from turnout.metric.campaign_statistics import object_places
 from turnout.metric.finding import Finding, Severity
 
 PERCENT = 100.0
-MEASURES = (
-    ("contact", MILLI, "ms", "Contact"),
-    ("slope", PERCENT, "%", "Build-up"),
-    ("peak", 1.0, "N", "Peak"),
-    ("plateau", 1.0, "N", "Plateau"),
-)
 
 
 def validation_page(validation: xr.Dataset, *, suffixes: Sequence[str] = (".pdf",)) -> Page:
@@ -146,16 +141,8 @@ def _channels(verdict: Acceptance) -> Table:
 
 
 def _features(verdict: Acceptance) -> Table:
-    def cell(error: tuple[float, float], factor: float, unit: str) -> str:
-        if not math.isfinite(error[0]):
-            return "-"
-        return f"{factor * error[0]:+.0f} ± {factor * error[1]:.0f} {unit}"
-
-    rows = []
-    for item in verdict.channels:
-        cells = [cell(item.errors[name], factor, unit) for name, factor, unit, _ in MEASURES]
-        rows.append((item.channel, *cells))
-    columns = ("Channel", *(text for *_, text in MEASURES))
+    rows = [(item.channel, *item.cells) for item in verdict.channels]
+    columns = ("Channel", "Contact", "Build-up", "Peak", "Plateau")
     return Table("Predicted less measured, mean and standard deviation", columns, rows)
 
 
