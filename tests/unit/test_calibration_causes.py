@@ -7,8 +7,13 @@ import pytest
 from tests.unit.test_calibration_fit import PARAMETERS, TRUE, misfit, movement, response
 
 from turnout.calibration import cause_trials, causes
-from turnout.calibration.bushing_laws import SOFTNESS, soft_bushing
-from turnout.calibration.candidate_causes import GROUP, Cause, candidate_causes
+from turnout.calibration.candidate_causes import (
+    GROUP,
+    SOFTNESS,
+    Cause,
+    candidate_causes,
+    soft_bushing,
+)
 from turnout.calibration.cause_trials import one_of_alike, own_levels, with_cause
 from turnout.calibration.causes import (
     DECISIVE,

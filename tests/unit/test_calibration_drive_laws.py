@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turnout.calibration.bushing_laws import PLAY_FORCE, bushing, lagged
+from turnout.calibration.candidate_causes import PLAY_FORCE, bushing, lagged
 from turnout.calibration.evaluate import Response
 from turnout.panel.load import load_panel
 

@@ -7,7 +7,11 @@ import pytest
 from tests.unit.calibrations import calibration, fitted
 from tests.unit.test_calibration_fit import TRUE, response
 
-from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
+from turnout.calibration.result import (
+    fitted_causes,
+    overrides_with,
+    shaped,
+)
 from turnout.panel.load import load_panel
 
 

@@ -11,6 +11,7 @@ from tests.unit.test_calibration_fit import TRUE, movement, response
 from turnout.calibration.result import load_calibration
 from turnout.calibration.validation.validate import (
     SharedBins,
+    _failure,
     chain_directions,
     found_chain,
     of_chain,
@@ -68,3 +69,12 @@ def test_a_chain_is_kept_with_the_values_and_is_that_of_one_channel_map(tmp_path
     assert again.chain == CHAIN
     assert found_chain(xr.Dataset(attrs={"channel_map_hash": "a"}), again) == again.chain
     assert found_chain(xr.Dataset(attrs={"channel_map_hash": "b"}), again) == {}
+
+
+def test_a_throw_that_fails_is_named_where_its_movement_is_predicted() -> None:
+    movements = [movement(name, rng=np.random.default_rng(0)) for name in ("a", "b")]
+    row = [response(TRUE), replace(response(TRUE), failure="stopped\nearly")]
+    assert _failure(movements, np.zeros((1, 2, 3)), row).endswith(": stopped early")
+    # One that cannot be predicted at all says nothing of a value.
+    unknown = np.stack([np.zeros((1, 3)), np.full((1, 3), np.nan)], axis=1)
+    assert _failure(movements, unknown, row) == ""

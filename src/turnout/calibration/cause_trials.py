@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from turnout.calibration.bushing_laws import level_key
-from turnout.calibration.candidate_causes import Cause
+from turnout.calibration.candidate_causes import Cause, level_key
 from turnout.calibration.comparison import predicted
 from turnout.calibration.evaluate import Response, with_change
 from turnout.calibration.fit import Fit

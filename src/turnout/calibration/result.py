@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,10 @@ from turnout.core.files import write_atomic
 from turnout.core.problems import choices, shortened
 from turnout.core.toml import decode, parse_toml, read_bytes
 from turnout.panel.load import LoadedPanel
+
+if TYPE_CHECKING:
+    from turnout.calibration.candidate_causes import Cause
+    from turnout.calibration.evaluate import Response
 
 Floats = NDArray[np.float64]
 SCHEMA_VERSION = 1
@@ -159,8 +163,6 @@ class Calibration:
             calibrated = panel.with_overrides(self.overrides)
             if all(item.keys for item in self.parameters):
                 return calibrated
-            from turnout.calibration.candidate_causes import fitted_causes, overrides_with
-
             causes = fitted_causes(panel, self.parameters)
             return panel.with_overrides(overrides_with(causes, self.parameters, self.values))
         except PanelError as error:
@@ -364,3 +366,62 @@ def check_provenance(calibration: Calibration, *panels: LoadedPanel) -> tuple[st
         f"not of {panels[0].name} with hash {panels[0].hash[:12]}; its values are used "
         "anyway",
     )
+
+
+def fitted_causes(panel: LoadedPanel, parameters: Sequence[Fitted]) -> "tuple[Cause, ...]":
+    """Return the causes whose sizes are among the parameters of a calibration.
+
+    Parameters
+    ----------
+    panel : LoadedPanel
+        That was calibrated.
+    parameters : sequence of Fitted
+        All of a calibration; the sizes of causes have no keys of the panel.
+
+    Returns
+    -------
+    tuple of Cause
+        A cause that is a key of the panel, such as the modulus of the rails, is none of them: its
+        value is set like any other.
+    """
+    # Only a calibration with causes waits for their table.
+    from turnout.calibration.candidate_causes import candidate_causes
+
+    planned = [item for item in parameters if item.keys]
+    sizes = {item.name for item in parameters if not item.keys}
+    return tuple(
+        cause
+        for cause in candidate_causes(panel, planned)
+        if cause.parameters and all(item.name in sizes for item in cause.sized)
+    )
+
+
+def overrides_with(
+    causes: "Sequence[Cause]", parameters: Sequence[Fitted], values: Mapping[str, float]
+) -> dict[str, object]:
+    """Return the overrides of a panel at values by name of the parameter, causes included.
+
+    Parameters
+    ----------
+    causes : sequence of Cause
+        From `fitted_causes`.
+    parameters : sequence of Fitted
+        Of the calibration.
+    values : mapping of str to float
+        Of all of them, in SI.
+    """
+    found: dict[str, object] = {key: values[item.name] for item in parameters for key in item.keys}
+    for cause in causes:
+        if cause.law is not None:
+            found |= cause.law(values)
+    return found
+
+
+def shaped(
+    causes: "Sequence[Cause]", response: "Response", values: Mapping[str, float]
+) -> "Response":
+    """Return a response as causes that are no part of the panel leave it, such as a recorder."""
+    for cause in causes:
+        if cause.shape is not None and not response.failure:
+            response = cause.shape(response, values)
+    return response

@@ -16,7 +16,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from turnout.calibration.candidate_causes import fitted_causes, overrides_with, shaped
 from turnout.calibration.comparison import (
     Comparison,
     Key,
@@ -38,7 +37,12 @@ from turnout.calibration.measured_movements import (
 )
 from turnout.calibration.misfit import Misfit
 from turnout.calibration.requirements import exclude_oversized_objects, excluded_movements
-from turnout.calibration.result import Calibration
+from turnout.calibration.result import (
+    Calibration,
+    fitted_causes,
+    overrides_with,
+    shaped,
+)
 from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, chain_key
 from turnout.calibration.stages import Fitted, Parameter
 from turnout.calibration.validation.acceptance import (
