@@ -32,10 +32,9 @@ from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.sensors import (
     LEAVES_PRIOR,
-    common_lead,
     found_sensors,
     lead_text,
-    needs_lead,
+    unknown_lead,
 )
 from turnout.calibration.shared import CLEARLY, CLOCK, missing_more, model_error
 from turnout.calibration.stages import (
@@ -304,14 +303,13 @@ def evidence(found: Fit, causes: Sequence[Cause]) -> float:
 
     Where all movements begin later than marked, motors that lead are one unknown more.
     """
-    leads = needs_lead(found)
-    if leads:
-        known = replace(found.misfit.comparison, lead=common_lead(found))
-        misfit = replace(found.misfit, comparison=known)
-        frame = framed(found.local, misfit)
+    lead = unknown_lead(found)
+    if lead:
+        misfit = replace(found.misfit, comparison=replace(found.misfit.comparison, lead=lead))
+        frame = framed(found.local, misfit, near=found.frame)
         residuals = misfit.residuals_of(found.local.simulated, frame)
         found = replace(found, misfit=misfit, frame=frame, residuals=residuals)
-    return deviance(found) + of_sizes(causes, found, more=int(leads))[1]
+    return deviance(found) + of_sizes(causes, found, more=int(bool(lead)))[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -431,7 +429,7 @@ def _fitted_choices(
     best, taken = fitted[0].found, fitted[0].choice[0].cause
     bound = any(item.at_bound(best.values[item.name]) for item in taken.sized)
     away = prior_residuals(taken.parameters, coordinates(taken.parameters, best.values))
-    doubted = bound or needs_lead(best) or bool(np.abs(away).max() > LEAVES_PRIOR)
+    doubted = bound or bool(unknown_lead(best)) or bool(np.abs(away).max() > LEAVES_PRIOR)
     for choice in choices:
         cause = choice[0].cause
         if len(choice) > 1 or cause is taken or cause.group != taken.group or is_spent():

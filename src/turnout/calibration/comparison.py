@@ -117,18 +117,24 @@ def prediction(
         return Prediction(centres, 0.0, np.zeros(0), (), failed=True)
     cell = response.time[1] - response.time[0]
     edges = response.time[0] + cell * (np.arange(response.time.size + 1) - 0.5)
-    rows = [_recorded(response, signal) for signal, _ in parts]
-    # A closed switch may press its rods with some kilonewtons before it begins to move.
     return Prediction(
         centres,
         onset=response.onsets[movement.direction],
         edges=np.concatenate(([edges[0] - BEFORE], edges)),
-        totals=tuple(
-            np.concatenate(([-BEFORE * row[0], 0.0], np.cumsum(row, dtype=np.float64) * cell))
-            for row in rows
-        ),
+        totals=tuple(_totals(response, signal) for signal, _ in parts),
         failed=False,
     )
+
+
+@lru_cache(maxsize=2048)
+def _totals(response: Response, signal: Signal) -> Floats:
+    """Return the integral of a signal up to each edge of the cells of a response, and before it.
+
+    Responses aside, of which slopes are, are asked for again with each alignment.
+    """
+    cell, row = response.time[1] - response.time[0], _recorded(response, signal)
+    # A closed switch may press its rods with some kilonewtons before it begins to move.
+    return np.concatenate(([-BEFORE * row[0], 0.0], np.cumsum(row, dtype=np.float64) * cell))
 
 
 def predicted(
@@ -600,6 +606,7 @@ def align(
     *,
     comparison: Comparison,
     sensitivities: Mapping[str, Sensitivity],
+    shift: float | None = None,
 ) -> Alignment:
     """Align a measured movement with a response.
 
@@ -613,13 +620,17 @@ def align(
         How movements are compared.
     sensitivities : mapping of str to Sensitivity
         For each parameter that scatters.
+    shift : float, optional
+        Onset at which the search for it begins, such as that of an alignment near by [s]; default
+        the lead of the comparison.
     """
+    shift = comparison.lead if shift is None else shift
     parts = compared(movement, comparison.channels, comparison.window)
     factors = tuple(
         comparison.noise[signal.channel, signal.drive].factor(signal.time[bins])
         for signal, bins in parts
     )
-    alignment = _align(movement, response, parts, factors, comparison, sensitivities)
+    alignment = _align(movement, response, parts, factors, comparison, sensitivities, shift)
     if comparison.outlier_limit == float("inf"):
         return alignment
     rest = alignment.remaining_residuals(response, shared=alignment.rate * alignment.clock)
@@ -629,7 +640,8 @@ def align(
         * np.maximum(1.0, np.abs(row) / (comparison.outlier_limit * deviations(factor)))[:, None]
         for factor, row in zip(factors, rest, strict=True)
     ]
-    return _align(movement, response, parts, tuple(trusted), comparison, sensitivities)
+    again = tuple(trusted)
+    return _align(movement, response, parts, again, comparison, sensitivities, shift)
 
 
 def deviations(factor: Floats) -> Floats:
@@ -644,6 +656,7 @@ def _align(
     factors: tuple[Floats, ...],
     comparison: Comparison,
     sensitivities: Mapping[str, Sensitivity],
+    shift: float,
 ) -> Alignment:
     """Estimate the nuisances of a movement, the onset iteratively, and whiten by them."""
     measured = np.concatenate([signal.values[bins] for signal, bins in parts])
@@ -658,8 +671,7 @@ def _align(
         (prediction(s.stepped, movement, parts), prediction(s.simulated, movement, parts), s.step)
         for s in sensitivities.values()
     ]
-    lead = shift = comparison.lead
-    rate = comparison.rate
+    lead, rate = comparison.lead, comparison.rate
     time = np.concatenate([signal.time[bins] for signal, bins in parts])
     for _ in range(ONSET_ITERATIONS):
         turned = (ahead.row(shift + ONSET_STEP, rate) - ahead.row(shift - ONSET_STEP, rate)) / (

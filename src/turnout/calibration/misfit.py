@@ -529,17 +529,25 @@ class Frame:
         return rows if self.shared is None else self.shared.whitened(rows)
 
 
-def framed(local: Linearisation, misfit: Misfit, *, passes: int = CLOCK_PASSES) -> Frame:
+def framed(
+    local: Linearisation,
+    misfit: Misfit,
+    *,
+    passes: int = CLOCK_PASSES,
+    near: Frame | None = None,
+) -> Frame:
     """Align all movements about a point, with the recorder's clock where they show it.
 
     With one pass the clock stays where the misfit has it, and counts to first order about that.
+    Onsets are looked for from those of a frame near by.
     """
-    for _ in range(passes):
-        frame = _framed(local, misfit)
+    frame = _framed(local, misfit, near)
+    for _ in range(passes - 1):
         rate, known = _clock_of(local, frame), misfit.comparison.rate
         if rate is None or abs(rate - known) < SAME_CLOCK:
             break
         misfit = replace(misfit, comparison=replace(misfit.comparison, rate=rate))
+        frame = _framed(local, misfit, frame)
     return frame
 
 
@@ -593,7 +601,7 @@ def remaining(
     return found
 
 
-def _framed(local: Linearisation, misfit: Misfit) -> Frame:
+def _framed(local: Linearisation, misfit: Misfit, near: Frame | None) -> Frame:
     """Align all movements about a point."""
     alignments = []
     for number, movement in enumerate(misfit.movements):
@@ -613,6 +621,7 @@ def _framed(local: Linearisation, misfit: Misfit) -> Frame:
                 local.simulated[number],
                 comparison=misfit.comparison,
                 sensitivities=sensitivities,
+                shift=near.alignments[number].shift if near else None,
             )
         )
     shared = shared_of(alignments, misfit.comparison)

@@ -19,6 +19,7 @@ from turnout.calibration.candidate_causes import MODULUS
 from turnout.calibration.comparison import Comparison, Key
 from turnout.calibration.fit import Fit
 from turnout.calibration.misfit import (
+    about_clock,
     common_gain,
     framed,
     plain_jacobian,
@@ -225,6 +226,7 @@ CLEAR = 4.0
 BEYOND_BELIEF = 4.0
 # Movements that all begin later than their currents say, in standard deviations of an onset.
 LATE, LEAST_ONSETS, LEAD_PASSES = 3.0, 2, 3
+SAME_LEAD = 2e-4  # below what an onset is estimated to [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -427,24 +429,28 @@ def common_lead(found: Fit) -> float:
     Motors may run before the rods move: the onset that currents mark is then early in all
     movements alike, and their own uncertainty is about that lead.
     """
-    comparison, lead = found.misfit.comparison, 0.0
+    misfit, frame, lead = found.misfit, found.frame, 0.0
+    comparison = misfit.comparison
     spread = comparison.uncertainty.clocked_onset
-    if sum(item.clocked for item in found.misfit.movements) < LEAST_ONSETS:
+    if sum(item.clocked for item in misfit.movements) < LEAST_ONSETS:
         return 0.0
     # As if currents said no more of the onset than forces: else they would hold it where it is.
     wide = replace(comparison.uncertainty, clocked_onset=comparison.uncertainty.onset)
     for _ in range(LEAD_PASSES):
-        about = replace(comparison, uncertainty=wide, lead=lead)
-        frame = framed(found.local, replace(found.misfit, comparison=about))
+        about = replace(misfit.comparison, uncertainty=wide, lead=lead)
+        frame = framed(found.local, replace(misfit, comparison=about), near=frame)
+        misfit, before = about_clock(misfit, frame), lead
         lead = float(
             np.median([a.estimates["onset"][0] for a in frame.alignments if a.movement.clocked])
         )
+        if abs(lead - before) < SAME_LEAD:
+            break
     return lead if abs(lead) > LATE * spread else 0.0
 
 
-def needs_lead(found: Fit) -> bool:
-    """Return whether all movements begin later than marked, though no lead is known of."""
-    return not found.misfit.comparison.lead and bool(common_lead(found))
+def unknown_lead(found: Fit) -> float:
+    """Return how much later than marked all movements begin where no lead is known of [s]."""
+    return 0.0 if found.misfit.comparison.lead else common_lead(found)
 
 
 def lead_text(lead: float) -> str:
