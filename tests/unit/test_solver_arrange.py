@@ -17,6 +17,7 @@ from turnout.solver import condense, start
 from turnout.solver.arrange import arrange, clear_memory
 from turnout.solver.integration import integrate
 from turnout.solver.outcome import Code
+from turnout.throw.gaps import watched_gaps
 from turnout.throw.simulate import solve_placed
 
 QUICK = Scheme.of("quick")
@@ -125,7 +126,14 @@ def test_an_object_elsewhere_finds_rails_and_prior_motion_and_gives_the_same_bit
     one_after_another = [history(panel, place) for place in PLACES]
     assert len(moved) == 1
     objects = [resolve_objects(panel, (ForeignObject(0.01, place),)) for place in PLACES]
-    made = [arrange(build_mechanism(panel, item), QUICK) for item in objects]
+    mechanisms = [build_mechanism(panel, item) for item in objects]
+    made = [arrange(item, QUICK) for item in mechanisms]
+    assert len({id(item.condensed.row_stiffness) for item in made}) == 1  # laid out once
+    gaps = [
+        watched_gaps(panel, own)(item.condensed) for own, item in zip(mechanisms, made, strict=True)
+    ]
+    assert len({id(seen.shapes) for seen in gaps}) == 1
+    assert not np.array_equal(gaps[0].of_objects, gaps[1].of_objects)
     kept = {id(part.before.model) for item in made for part in item.condensed.parts if part.before}
     assert len(kept) == 2  # a switch rail and its stock rail
     for place, known in zip(PLACES, one_after_another, strict=True):

@@ -56,6 +56,13 @@ def zeros_in_lines(*shape: int) -> Floats:
     return found
 
 
+def copy_in_lines(values: Floats) -> Floats:
+    """Return a copy that begins at a cache line and ends with one."""
+    found = empty_in_lines(*values.shape)
+    found[...] = values
+    return found
+
+
 def empty_in_lines(*shape: int) -> Floats:
     """Return uninitialised floats that begin at a cache line and end with one."""
     count = math.prod(shape)

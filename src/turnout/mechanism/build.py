@@ -44,7 +44,9 @@ from turnout.mechanism.mechanism import (
 from turnout.mechanism.object_laws import divided, obstructions_of
 from turnout.mechanism.object_rows import (
     LocalFlexibility,
+    ObjectEnd,
     approach_row,
+    ends_on_nodes,
     is_at_interface,
     is_off_node,
     needs_node,
@@ -181,7 +183,8 @@ class _Linear:
 class _Frame:
     """Common parts of panels that differ in the matrices of their rails too.
 
-    `rails` are without factors of sections, with fastenings of `holds`. `kept` are the linear parts
+    `rails` are without factors of sections, with fastenings of `holds`; `layouts` have the laws of
+    objects too, by the names of these. `kept` are the linear parts
     by the variation, `varied` those in shapes of nominal rails, of the latest panels, and `begun`
     such rails of panels that come next.
     """
@@ -192,6 +195,7 @@ class _Frame:
     kept: "LRUCache[_Kept]"
     varied: "LRUCache[_Kept]"
     begun: "LRUCache[_Varied]"
+    layouts: dict[tuple[str, ...], LawLayout] = field(default_factory=dict)
 
     def rails_of(self, variation: Variation, panel: Panel) -> list[RailData]:
         """Return the rails of a variation, whose fastenings are those of a panel."""
@@ -463,29 +467,32 @@ def _put_objects(
         if any(needs_node(panel, item, kept.rails, kept.linear.rails) for item in standing):
             message = "rails made with nodes for objects lack coordinates for them"
             raise MechanicsError(message)
-    linear = kept.linear
-    rows = np.array([approach_row(panel, item, linear.rails) for item in objects])
+    linear, bodies = kept.linear, {body.name: body for body in kept.linear.rails}
+    ends = [ends_on_nodes(object_ends(panel, item), bodies) for item in objects]
+    rows = np.array([approach_row(own, bodies) for own in ends])
     rows.flags.writeable = False
-    yields = tuple(_yields(panel, item, kept, varied=nominal is not None) for item in objects)
-    layout = kept.frame.layout.with_objects([item.name for item in objects])
-    return _Placed(linear, layout, rows, yields, tuple(nodes))
+    yields = tuple([_yields(own, kept, bodies, varied=nominal is not None) for own in ends])
+    names, layouts = tuple([item.name for item in objects]), kept.frame.layouts
+    if names not in layouts:
+        layouts[names] = kept.frame.layout.with_objects(names)
+    return _Placed(linear, layouts[names], rows, yields, tuple(nodes))
 
 
-def _yields(panel: Panel, item: PlacedObject, kept: _Kept, *, varied: bool) -> dict[str, Yield]:
+def _yields(
+    ends: Sequence[ObjectEnd], kept: _Kept, bodies: Mapping[str, RailBody], *, varied: bool
+) -> dict[str, Yield]:
     """Return the local flexibility of each rail at an object, with an exponent if it may vary."""
-    found, ends = dict[str, Yield](), dict[str, list[Point]]()
-    for name, point in object_ends(panel, item):
-        ends.setdefault(name, []).append(point)
-    bodies = {body.name: body for body in kept.linear.rails}
-    for name, points in ends.items():
-        if is_at_interface(bodies[name], points):
+    found, by_rail = dict[str, Yield](), dict[str, list[ObjectEnd]]()
+    for end in ends:
+        by_rail.setdefault(end.rail, []).append(end)
+    for name, own in by_rail.items():
+        if all(is_at_interface(bodies[name], end) for end in own):
             continue
-        own = kept.local(name).at(points)
-        exponent = 0.0
+        local, exponent = kept.local(name).at(own), 0.0
         if varied:
-            wider = kept.local(name, lateral=STEP).at(points)
-            exponent = math.log(wider / own) / math.log(STEP)
-        found[name] = Yield(own, exponent)
+            wider = kept.local(name, lateral=STEP).at(own)
+            exponent = math.log(wider / local) / math.log(STEP)
+        found[name] = Yield(local, exponent)
     return found
 
 

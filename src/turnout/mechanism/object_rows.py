@@ -12,8 +12,9 @@ differs by 0.1 % where sections change along the rail, by 0.01 % on prismatic ra
 drives by less than 0.02 % (root mean square, of the peak).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -97,24 +98,42 @@ def offnode_row(nodes: Floats, *, x: float, z: float, direction: str = "uy") -> 
     return np.array(at), np.array(weights)
 
 
-def approach_row(panel: Panel, item: PlacedObject, bodies: Sequence[RailBody]) -> Floats:
+class ObjectEnd(NamedTuple):
+    """A point of a rail at an object, as of `offnode_row`, and the sign of its displacement."""
+
+    rail: str
+    sign: float
+    at: Ints
+    weights: Floats
+
+
+def ends_on_nodes(
+    ends: Iterable[tuple[str, Point]], bodies: Mapping[str, RailBody]
+) -> list[ObjectEnd]:
+    """Return points of rails as displacements of the nodes of these."""
+    found = []
+    for name, point in ends:
+        row = offnode_row(bodies[name].x, x=point.x, z=point.z, direction=point.direction)
+        found.append(ObjectEnd(name, point.sign, *row))
+    return found
+
+
+def approach_row(ends: Sequence[ObjectEnd], bodies: Mapping[str, RailBody]) -> Floats:
     """Return the row of a switch rail's approach to its stock rail at an object.
 
     Parameters
     ----------
-    panel : Panel
-        The panel.
-    item : PlacedObject
-        The object.
-    bodies : sequence of RailBody
+    ends : sequence of ObjectEnd
+        Of the object.
+    bodies : mapping of str to RailBody
         The reduced rails.
     """
-    row = np.zeros(sum(body.count for body in bodies))
-    by_name = {body.name: body for body in bodies}
-    for name, point in object_ends(panel, item):
-        body = by_name[name]
-        at, weights = offnode_row(body.x, x=point.x, z=point.z, direction=point.direction)
-        row[body.first : body.first + body.count] += point.sign * (weights @ body.recovery[at])
+    row = np.zeros(sum(body.count for body in bodies.values()))
+    for end in ends:
+        body = bodies[end.rail]
+        row[body.first : body.first + body.count] += end.sign * (
+            end.weights @ body.recovery[end.at]
+        )
     return row
 
 
@@ -145,17 +164,14 @@ def needs_node(
         if name in given:
             form_rows(superelement_of(given[name])[0], (point,), name=name)
     by_name = {body.name: body for body in bodies}
-    ends = approach_ends(panel, item.rail, x=item.x, height=item.height)
-    return not all(is_at_interface(by_name[name], [point]) for name, point in ends)
+    across = approach_ends(panel, item.rail, x=item.x, height=item.height)
+    ends = ends_on_nodes(across, by_name)
+    return not all(is_at_interface(by_name[end.rail], end) for end in ends)
 
 
-def is_at_interface(body: RailBody, points: Iterable[Point]) -> bool:
-    """Return whether the interface coordinates of a rail alone move some of its points."""
-    for point in points:
-        at, weights = offnode_row(body.x, x=point.x, z=point.z, direction=point.direction)
-        if not body.at_interface[at[weights != 0.0]].all():
-            return False
-    return True
+def is_at_interface(body: RailBody, end: ObjectEnd) -> bool:
+    """Return whether the interface coordinates of a rail alone move one of its points."""
+    return bool(body.at_interface[end.at[end.weights != 0.0]].all())
 
 
 class LocalFlexibility:
@@ -183,14 +199,11 @@ class LocalFlexibility:
             raise MechanicsError(msg)
         return structure, element, inner, factor
 
-    def at(self, points: Sequence[Point]) -> float:
+    def at(self, ends: Sequence[ObjectEnd]) -> float:
         """Return the flexibility along the sum of displacements of points at one place [m/N]."""
-        whole, first = np.zeros(2 * PER_NODE), 0
-        for point in points:
-            nodes = self._inside[0].x
-            at, weights = offnode_row(nodes, x=point.x, z=point.z, direction=point.direction)
-            first = int(at.min()) // PER_NODE
-            np.add.at(whole, at - PER_NODE * first, point.sign * weights)
+        whole, first = np.zeros(2 * PER_NODE), int(ends[0].at.min()) // PER_NODE
+        for end in ends:
+            whole[end.at - PER_NODE * first] += end.sign * end.weights
         if first not in self._blocks:
             self._blocks[first] = self._block(first)
         return float(whole @ self._blocks[first] @ whole)

@@ -64,6 +64,7 @@ from turnout.solver.system import (
     number_places,
     place_laws,
     refill_system,
+    with_objects_elsewhere,
 )
 
 
@@ -131,16 +132,16 @@ class Arrangement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rails:
-    """Condensed rails without objects; frames by the blocks that each object joins.
+    """Condensed rails without objects.
 
-    The mechanism keeps alive the matrices whose identities are the key of the cache; `placed` are
-    the arrangements by the rows of objects.
+    The mechanism keeps alive the matrices whose identities are the key of the cache. `elsewhere`
+    are arrangements by the blocks that each object joins, `placed` by the rows of objects.
     """
 
     mechanism: Mechanism
     parts: tuple[BlockModel, ...]
     base_segment: NDArray[np.int64]
-    frames: dict[Hashable, Frame]
+    elsewhere: dict[Hashable, Arrangement]
     placed: LRUCache[Arrangement]
 
 
@@ -170,8 +171,15 @@ def arrange(mechanism: Mechanism, scheme: Scheme) -> Arrangement:
     places = b"" if added is None else added.tobytes()
     found = None if structure is None else rails.placed.get(places)
     if found is None:
-        made = _arranged(mechanism, rails, structure)
-        return made if structure is None else rails.placed.put(places, made)
+        first = mechanism.core.shape[0]
+        parts, joined = _with_objects(rails.parts, added, first=first)
+        made = rails.elsewhere.get(joined)
+        if made is None:
+            made = rails.elsewhere[joined] = _arranged(mechanism, rails, parts, structure)
+            return rails.placed.put(places, made)
+        system = with_objects_elsewhere(made.system, parts, made.laws, made.frame.places)
+        condensed = replace(made.condensed, parts=parts)
+        found = rails.placed.put(places, replace(made, condensed=condensed, system=system))
     laws = mechanism.laws._replace(base_segment=found.laws.base_segment)
     placed = {name: getattr(found.table, name) for name in PLACED}
     table = record_like(found.table, laws._replace(**placed))
@@ -210,24 +218,22 @@ def _find_rails(mechanism: Mechanism, scheme: Scheme, structure: _Structure | No
     return rails
 
 
-def _arranged(mechanism: Mechanism, rails: _Rails, structure: _Structure | None) -> Arrangement:
-    """Put the objects in their places."""
-    first, n_coordinates = mechanism.core.shape
-    parts, joined = _with_objects(rails.parts, mechanism.object_rows, first=first)
+def _arranged(
+    mechanism: Mechanism,
+    rails: _Rails,
+    parts: tuple[BlockModel, ...],
+    structure: _Structure | None,
+) -> Arrangement:
+    """Lay out rails with the first objects that join these of their blocks."""
     further = np.full(mechanism.laws.row.size - rails.base_segment.size, -1)
     laws = mechanism.laws._replace(base_segment=np.concatenate((rails.base_segment, further)))
-    frame = rails.frames.get(joined)
-    known = frame is not None
-    if frame is None:
-        frame, known = _laid_out(parts, laws, structure)
-        rails.frames[joined], system = frame, frame.system
-    else:
-        system = refill_system(frame.system, parts, laws, frame.places)
+    frame, known = _laid_out(parts, laws, structure)
+    system = frame.system
     row_stiffness = sum_at_rows(laws, folded_stiffness(laws), mechanism.n_rows)
     row_stiffness.flags.writeable = False  # throws share it
     condensed = CondensedRails(
         parts,
-        n_coordinates=n_coordinates,
+        n_coordinates=mechanism.core.shape[1],
         row_stiffness=row_stiffness,
         alone=mechanism.nominal is not None,
     )

@@ -28,9 +28,11 @@ from turnout.law.table import LawTable
 from turnout.mechanism.mechanism import Matrices, Mechanism, ReducedRail
 from turnout.mechanism.varied_rails import VariedRail
 from turnout.solver.modal import (
+    AddedRows,
     LinearSystem,
     ModalModel,
     Omitted,
+    added_rows,
     diagonalise_damping,
     model_of,
     split_modes,
@@ -335,21 +337,40 @@ def _smooth_model(
     return model, Omitted(flexibility, low[:count, :0])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BlockModel:
     """A block of a mechanism with its modal model, whose rows are the ends of the block.
 
-    `leading` holds the ends that the others follow from. `omitted` are the modes above the cut-off,
-    where further ends are wanted. `before` is the block without the ends that were added to it,
-    `given` what its model follows from.
+    `own_model` and `own_leading` are without the ends that were `added`; `before` is the block
+    without these. `omitted` are the modes above the cut-off, where further ends are wanted, `given`
+    what the model follows from.
     """
 
     block: Block
-    model: ModalModel
-    leading: Leading
+    own_model: ModalModel
+    own_leading: Leading
     omitted: Omitted | None = None
-    before: "BlockModel | None" = None
     given: _Given | None = None
+    before: "BlockModel | None" = None
+    added: AddedRows | None = None
+
+    @cached_property
+    def model(self) -> ModalModel:
+        """Modal model of all ends."""
+        return self.own_model if self.added is None else with_rows(self.own_model, self.added)
+
+    @cached_property
+    def leading(self) -> Leading:
+        """Ends that the others follow from; added ones all lead."""
+        known = self.own_leading
+        if self.added is None:
+            return known
+        count, n_added = known.weights.shape[0], self.added.load.size
+        weights = np.zeros((count + n_added, known.leaders.size + n_added))
+        weights[:count, :-n_added] = known.weights
+        weights[count:, -n_added:] = np.eye(n_added)
+        leaders = np.concatenate((known.leaders, count + np.arange(n_added)))
+        return Leading(leaders, weights)
 
     def with_ends(self, numbers: Ints, rows: Floats) -> "BlockModel":
         """Return the block with further ends, which all lead.
@@ -364,17 +385,9 @@ class BlockModel:
         if self.omitted is None:
             message = "a block without its omitted modes takes no further ends"
             raise ValueError(message)
-        block, count = self.block, self.block.rows.size
-        weights = np.zeros((count + numbers.size, self.leading.leaders.size + numbers.size))
-        weights[:count, : -numbers.size] = self.leading.weights
-        weights[count:, -numbers.size :] = np.eye(numbers.size)
-        added = count + np.arange(numbers.size)
-        return BlockModel(
-            block=Block(block.coordinates, np.concatenate((block.rows, numbers))),
-            model=with_rows(self.model, self.omitted.flexibility, rows),
-            leading=Leading(np.concatenate((self.leading.leaders, added)), weights),
-            before=self,
-        )
+        block = Block(self.block.coordinates, np.concatenate((self.block.rows, numbers)))
+        added = added_rows(self.own_model, self.omitted.flexibility, rows)
+        return BlockModel(block, self.own_model, self.own_leading, before=self, added=added)
 
 
 @dataclass(frozen=True, eq=False)

@@ -234,8 +234,8 @@ def plan_run(
                 further = most_places(machines, grid, save_at.whole)
             places, laws = arrangement.system.row_place, arrangement.laws
             seen = save_at.seen(arrangement.condensed)
-            template = seen_weights(seen, laws, places, save_at.laws)
-            plan = plan_saving(save_at, template, interval, grid.n_stored, further=further)
+            weights = seen_weights(seen, laws, places, save_at.laws)
+            plan = plan_saving(save_at, weights, interval, grid.n_stored, further=further)
         positions = np.ascontiguousarray(inputs(_times(scheme.step, grid.room + 1)).T)
         if mechanism.machines is not None:
             positions = positions.copy()  # machines write to them, and throws may share them

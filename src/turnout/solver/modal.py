@@ -281,8 +281,30 @@ def model_of(
     )
 
 
-def with_rows(model: ModalModel, flexibility: Floats, rows: Floats) -> ModalModel:
-    """Return a model with further rows, which come last.
+class AddedRows(NamedTuple):
+    """Displacements and flexibility of further rows of a model.
+
+    Attributes
+    ----------
+    modes : ndarray, shape (n_added, n_modes)
+        Their displacements in the shapes of the kept modes.
+    beside, among : ndarray, shape (n_added, n_rows), (n_added, n_added)
+        Residual flexibility to the rows of the model, and between these [m/N].
+    shapes : ndarray, shape (n_added, n_dof)
+        Static shapes of the omitted part for a unit force along each [m/N].
+    load : ndarray, shape (n_added,)
+        Displacements of the omitted part under the constant load [m].
+    """
+
+    modes: Floats
+    beside: Floats
+    among: Floats
+    shapes: Floats
+    load: Floats
+
+
+def added_rows(model: ModalModel, flexibility: Floats, rows: Floats) -> AddedRows:
+    """Return further rows of a model, none of which changes a bit of another.
 
     Parameters
     ----------
@@ -291,7 +313,20 @@ def with_rows(model: ModalModel, flexibility: Floats, rows: Floats) -> ModalMode
     flexibility : ndarray, shape (n_dof, n_dof)
         That of the modes that it leaves out, see `Omitted`.
     rows : ndarray, shape (n_added, n_dof)
-        Further rows; none of them changes a bit of another.
+        Displacements of the further rows.
+    """
+    shapes = np.array([flexibility @ row for row in rows])
+    return AddedRows(
+        modes=np.array([row @ model.modes for row in rows]),
+        beside=np.array([row @ model.residual_shapes for row in rows]),
+        among=np.array([[shape @ row for shape in shapes] for row in rows]),
+        shapes=shapes,
+        load=np.array([row @ model.residual_load for row in rows]),
+    )
+
+
+def with_rows(model: ModalModel, added: AddedRows) -> ModalModel:
+    """Return a model with further rows, which come last.
 
     Examples
     --------
@@ -299,23 +334,17 @@ def with_rows(model: ModalModel, flexibility: Floats, rows: Floats) -> ModalMode
     >>> linear = LinearSystem(spring, np.eye(2), 0.0 * spring, np.ones(2), np.eye(2))
     >>> both, _ = split_modes(linear, 0.2)
     >>> model, omitted = split_modes(linear._replace(rows=np.eye(2)[:1]), 0.2)
-    >>> found = with_rows(model, omitted.flexibility, np.eye(2)[1:])
+    >>> found = with_rows(model, added_rows(model, omitted.flexibility, np.eye(2)[1:]))
     >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
     True
     """
-    own = np.array([flexibility @ row for row in rows])
-    beside = np.array([row @ model.residual_shapes for row in rows])
-    among = np.array([[shape @ row for shape in own] for row in rows])
-    count, added = model.row_load.size, rows.shape[0]
-    whole = np.empty((count + added, count + added))
-    whole[:count, :count], whole[count:, count:] = model.flexibility, among
-    whole[count:, :count], whole[:count, count:] = beside, beside.T
+    beside = added.beside
     return replace(
         model,
-        row_modes=np.concatenate((model.row_modes, [row @ model.modes for row in rows])),
-        flexibility=whole,
-        residual_shapes=np.hstack((model.residual_shapes, own.T)),
-        row_load=np.concatenate((model.row_load, [row @ model.residual_load for row in rows])),
+        row_modes=np.concatenate((model.row_modes, added.modes)),
+        flexibility=np.block([[model.flexibility, beside.T], [beside, added.among]]),
+        residual_shapes=np.hstack((model.residual_shapes, added.shapes.T)),
+        row_load=np.concatenate((model.row_load, added.load)),
     )
 
 

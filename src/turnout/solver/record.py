@@ -29,7 +29,7 @@ that they hold between the steps too.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ from turnout.kernels.compiled import compiled, compiled_loop, compiled_part
 from turnout.kernels.lanes import (
     LANES,
     broadcast,
+    copy_in_lines,
     empty_in_lines,
     gather,
     load,
@@ -70,18 +71,23 @@ class SeenRows:
         Of forces along the rows beyond the linear system [m/N].
     load : ndarray, shape (n_seen,)
         Displacements under the constant load alone [m].
+    of_objects : ndarray, shape (n_seen, n_objects)
+        As `shapes`, of the last rows, which stand in another place with each throw; there `shapes`
+        are zero.
     """
 
     stored: Floats
     modes: Floats
     shapes: Floats
     load: Floats
+    of_objects: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @cache
-def _empty_record() -> StepRecord:
+def _unweighted() -> "SeenWeights":
     """Return a record of no instant, of which those of all instants are clones."""
-    return shared_record(StepRecord(**_no_instants(), residual=np.zeros(1)))
+    record = shared_record(StepRecord(**_no_instants(), residual=np.zeros(1)))
+    return SeenWeights(record, record.law_rows)
 
 
 def _no_instants() -> dict[str, NDArray[Any]]:
@@ -89,14 +95,21 @@ def _no_instants() -> dict[str, NDArray[Any]]:
     return dict.fromkeys(names, np.zeros((0, 0)))
 
 
-# Rails with their objects and rows of laws are shared by many throws.
-_weights = LRUCache[tuple[StepRecord, object]](128)  # some 10 kB each
+class SeenWeights(NamedTuple):
+    """A record of no instant with the weights of what is seen, and those of forces of laws."""
+
+    record: StepRecord
+    law_rows: Floats
+
+
+# Rails and rows of laws are shared by many throws.
+_weights = LRUCache[tuple[StepRecord, Ints, object]](64)  # some 10 kB each
 
 
 def seen_weights(
     seen: SeenRows, laws: LawTable, row_place: Ints, watched: Sequence[int]
-) -> StepRecord:
-    """Return a record of no instant with the weights of what is seen; found once for the same.
+) -> SeenWeights:
+    """Return the weights of what is seen; but for those of objects found once for the same.
 
     Parameters
     ----------
@@ -112,12 +125,28 @@ def seen_weights(
     parts, places = (seen.stored, seen.modes, seen.shapes, seen.load), row_place.tobytes()
     key = (*map(id, parts), laws.row.tobytes(), laws.friction_row.tobytes(), places, *watched)
     kept = _weights.get(key)
-    if kept is not None:
-        return kept[0]
-    count = seen.load.size
+    if kept is None:
+        kept = (*_weights_without_objects(seen, laws, row_place, watched), parts)
+        if not any(part.flags.writeable for part in parts):
+            _weights.put(key, kept)
+    record, of_object, _ = kept
+    law_rows = record.law_rows
+    if of_object.size:
+        law_rows = copy_in_lines(law_rows)
+        rows = laws.row[record.law_list[of_object]] - seen.shapes.shape[1]
+        law_rows[of_object, : seen.load.size] = -seen.of_objects.T[rows]
+    return SeenWeights(record, law_rows)
+
+
+def _weights_without_objects(
+    seen: SeenRows, laws: LawTable, row_place: Ints, watched: Sequence[int]
+) -> tuple[StepRecord, Ints]:
+    """Return weights without those of the laws of objects, and where these are in their list."""
+    count, n_objects = seen.load.size, seen.of_objects.shape[1]
     width = int(whole_lines(count))
     seen_load, forces = np.zeros(width), -seen.shapes
     seen_load[:count] = seen.load
+    forces[:, forces.shape[1] - n_objects :] = np.nan  # which counts as a weight
     made: dict[str, NDArray[Any]] = {"seen_load": seen_load}
     for name, weights, of in (
         ("stored", seen.stored, None),
@@ -126,7 +155,8 @@ def seen_weights(
         ("friction", forces, laws.friction_row),
     ):
         made[f"{name}_list"], made[f"{name}_rows"] = _listed(weights, of, width)
-    made["law_places"] = as_unsigned(row_place[laws.row[made["law_list"]]].astype(np.int64))
+    of_laws = laws.row[made["law_list"]]
+    made["law_places"] = as_unsigned(row_place[of_laws].astype(np.int64))
     made["stored_list"] = as_unsigned(row_place[made["stored_list"]].astype(np.int64))
     template = StepRecord(
         **_no_instants(),
@@ -135,10 +165,7 @@ def seen_weights(
         watched=np.array(watched, dtype=np.int64),
         picked=np.zeros(max(part.size for part in made.values() if part.ndim == 1)),
     )
-    record = shared_record(template)
-    if not any(part.flags.writeable for part in parts):
-        _weights.put(key, (record, parts))
-    return record
+    return shared_record(template), np.flatnonzero(of_laws >= forces.shape[1] - n_objects)
 
 
 def _listed(weights: Floats, of: Ints | None, width: int) -> tuple[Ints, Floats]:
@@ -305,7 +332,7 @@ class SavePlan:
     """Which stored instants have which place in a record; by default each has its own.
 
     There are `count` of them, with velocities if these are wanted. `save_at` says what is kept,
-    `template` has the weights of seen displacements. `places` are those of `StepRecord`; of what is
+    `weights` are those of seen displacements. `places` are those of `StepRecord`; of what is
     seen the instants that are wanted regularly come first. `counts` of instants are stored whole,
     seen, and stored with energies, as the last one is; a run with machines has places for `further`
     ones, which it gives as it goes on. `rests` are the numbers of the instants of `Watched.rests`,
@@ -315,7 +342,7 @@ class SavePlan:
     count: int
     velocity: bool = False
     save_at: SaveAt = field(default_factory=SaveAt)
-    template: StepRecord = field(default_factory=_empty_record)
+    weights: SeenWeights = field(default_factory=_unweighted)
     places: Ints = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
     counts: tuple[int, int, int] = (0, 0, 0)
     rests: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -337,7 +364,7 @@ class SavePlan:
 
 
 def plan_saving(
-    save_at: SaveAt, template: StepRecord, interval: float, count: int, *, further: int = 0
+    save_at: SaveAt, weights: SeenWeights, interval: float, count: int, *, further: int = 0
 ) -> SavePlan:
     """Choose the places of stored instants in the record of a watched run.
 
@@ -345,7 +372,7 @@ def plan_saving(
     ----------
     save_at : SaveAt
         What is wanted.
-    template : StepRecord
+    weights : SeenWeights
         From `seen_weights`.
     interval : float
         Time between stored instants [s].
@@ -356,7 +383,7 @@ def plan_saving(
 
     Examples
     --------
-    >>> plan = plan_saving(SaveAt([0], 2, [0.3]), _empty_record(), 0.1, 7)
+    >>> plan = plan_saving(SaveAt([0], 2, [0.3]), SavePlan(0).weights, 0.1, 7)
     >>> whole, seen, balanced = plan.places.T.tolist()
     >>> whole, seen
     ([-1, -1, -1, 0, -1, -1, 1], [0, -1, 1, 4, 2, -1, 3])
@@ -366,7 +393,7 @@ def plan_saving(
     times = tuple(save_at.whole), tuple(save_at.rests)
     places, counts, rests = _places(*times, save_at.stride, interval, count)
     places = places.copy() if further else places
-    return SavePlan(count, False, save_at, template, places, counts, rests, further)
+    return SavePlan(count, False, save_at, weights, places, counts, rests, further)
 
 
 @lru_cache(maxsize=16)
@@ -445,7 +472,7 @@ def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
         "stored": STORED,
         "ledger": LEDGER,
     }
-    counts = dict.fromkeys(widths, plan.count)
+    counts, (template, law_rows) = dict.fromkeys(widths, plan.count), plan.weights
     if plan.watches:
         whole, _, balanced = (rows + plan.further for rows in plan.counts)
         counts |= dict.fromkeys(("q", "g", "friction", "law"), whole)
@@ -461,11 +488,12 @@ def empty_record(system: System, laws: LawTable, plan: SavePlan) -> StepRecord:
     if plan.watches:
         arrays["places"] = plan.places
         arrays["effort"] = np.empty((len(plan.save_at.laws), plan.places.shape[0]))
-        count, width = plan.counts[1] + plan.further, plan.template.seen_load.size
+        count, width = plan.counts[1] + plan.further, template.seen_load.size
         arrays["seen"] = empty_in_lines(count, width)
-        for name in ("stored_rows", "mode_rows", "law_rows", "friction_rows"):
-            arrays[name] = getattr(plan.template, name)
-    record = clone_record(plan.template, **arrays)
+        for name in ("stored_rows", "mode_rows", "friction_rows"):
+            arrays[name] = getattr(template, name)
+        arrays["law_rows"] = law_rows
+    record = clone_record(template, **arrays)
     record.given[:] = plan.counts
     return record
 

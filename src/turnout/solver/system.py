@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turnout.core.errors import MechanicsError
-from turnout.kernels.lanes import LANES, whole_lines, zeros_in_lines
+from turnout.kernels.lanes import LANES, copy_in_lines, whole_lines, zeros_in_lines
 from turnout.kernels.shared_record import clone_record, shared_record
 from turnout.law.table import LawTable
 from turnout.solver.condense import BlockModel, folded_stiffness
@@ -299,8 +299,8 @@ def condensed_system(
         normal_friction_start=normal_friction[0],
         normal_friction_list=normal_friction[1],
         base_slope=folded_stiffness(laws),
-        law_load=of_ends["end_load"][row_place[laws.row]],
-        friction_load=of_ends["end_load"][row_place[laws.friction_row]],
+        law_load=np.empty(laws.row.size),
+        friction_load=np.empty(laws.friction_row.size),
         stick_flexibility=1.0 / laws.stick_stiffness,
         pinned=pinned,
         input_law=driven.astype(np.int64),
@@ -310,13 +310,15 @@ def condensed_system(
             np.isfinite(laws.appears) | np.isfinite(laws.disappears) | (laws.waits == 1)
         ),
     )
-    return shared_record(system)
+    found = shared_record(system)
+    _fill_loads(found, laws, places)
+    return found
 
 
 def refill_system(
     system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
 ) -> System:
-    """Return a system of rails of other sections, or with objects elsewhere.
+    """Return a system of rails of other sections.
 
     Parameters
     ----------
@@ -339,9 +341,50 @@ def refill_system(
     found.load[:] = np.concatenate([model.load for model in models])
     found.damping[:] = np.concatenate([np.diagonal(model.damping) for model in models])
     found.end_load[:] = of_ends["end_load"]
-    found.law_load[:] = found.end_load[places.of_row[laws.row]]
-    found.friction_load[:] = found.end_load[places.of_row[laws.friction_row]]
+    _fill_loads(found, laws, places)
     return found
+
+
+def with_objects_elsewhere(
+    system: System, parts: Sequence[BlockModel], laws: LawTable, places: Places
+) -> System:
+    """Return a system of the same rails with objects elsewhere, of which each joins the same two.
+
+    Parameters
+    ----------
+    system : System
+        From `condensed_system` or `refill_system`.
+    parts, laws, places
+        As of `refill_system`; `parts` differ in the ends that were added alone.
+    """
+    changed = ("end_modes", "mode_ends", "flexibility")
+    kept = ("row_ends", "follower_list", "follower_weight", "joining_ends", "stiffness")
+    matrices = {name: getattr(system, name) for name in kept}
+    matrices |= {name: copy_in_lines(getattr(system, name)) for name in changed}
+    found = clone_record(system, **matrices)
+    for block, part in enumerate(parts):
+        if part.added is None:
+            continue
+        added, at, count = part.added, places.of_end[block], part.added.beside.shape[1]
+        new, own, leaders = at[count:], at[:count], part.own_leading.leaders
+        columns, of_leaders = new - places.end_start[block], own[leaders] - places.end_start[block]
+        modes = slice(places.mode_start[block], places.mode_start[block + 1])
+        found.end_load[new] = added.load
+        found.end_modes[new, : added.modes.shape[1]] = added.modes
+        found.mode_ends[modes, columns] = added.modes.T
+        found.flexibility[own[:, np.newaxis], columns] = added.beside.T
+        found.flexibility[new[:, np.newaxis], of_leaders] = added.beside[:, leaders]
+        found.flexibility[new[:, np.newaxis], columns] = added.among
+    _fill_loads(found, laws, places)
+    return found
+
+
+def _fill_loads(system: System, laws: LawTable, places: Places) -> None:
+    """Fill the loads of joining rows, laws and frictions from those of ends."""
+    joins, load = places.row_ends[:, 1] >= 0, system.end_load
+    load[joins] = load[places.row_ends[joins]].sum(axis=1)
+    system.law_load[:] = load[places.of_row[laws.row]]
+    system.friction_load[:] = load[places.of_row[laws.friction_row]]
 
 
 def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any]:
@@ -362,8 +405,6 @@ def _assemble_ends(parts: Sequence[BlockModel], places: Places) -> dict[str, Any
         found["end_modes"][at, : n_modes[block]] = model.row_modes
         found["mode_ends"][modes, : leaders.size] = model.row_modes[leaders].T
         found["flexibility"][at, : leaders.size] = model.flexibility[:, leaders]
-    joins = places.row_ends[:, 1] >= 0
-    found["end_load"][joins] = found["end_load"][places.row_ends[joins]].sum(axis=1)
     return found
 
 

@@ -6,11 +6,9 @@ since no stop presses an open rail. Only their columns are read, a tenth of the 
 beside the closed rail is another such distance, `turnout.throw.gauge`.
 """
 
-import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +19,25 @@ from turnout.kernels.shared_record import shared_record
 from turnout.mechanism.mechanism import RailBody
 from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
-from turnout.solver.condense import BlockModel, CondensedRails
+from turnout.solver.condense import BlockModel
 from turnout.throw.gap_history import DistanceColumns, lessen_distances
-from turnout.throw.gaps import bodies_at_gap, gap_rows
-from turnout.throw.recovery import Motion, Parts, block_of, multiply_by_block
+from turnout.throw.gaps import gap_rows
+from turnout.throw.recovery import (
+    Bound,
+    Motion,
+    Parts,
+    block_of,
+    bound,
+    core_blocks,
+    multiply_by_block,
+)
 from turnout.throw.route import DirectedMovement, open_rail
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _Columns = tuple[Ints, Floats]
 """Number of a mode or row, and displacement of each point for it, shape (n_points, n)."""
-_Bound = tuple[int, slice, Floats]
-"""Of a rail or stock rail: number of the block, slice of its coordinates, rows over these."""
-_Bounds = Sequence[Sequence[_Bound]]
+_Bounds = Sequence[Sequence[Bound]]
 """Of several rails, each with its stock rails."""
 
 
@@ -73,25 +77,12 @@ class _Distances(NamedTuple):
     columns: DistanceColumns
 
 
-class _AddedEnds(NamedTuple):
-    """Decrease of the distance of a rail by forces at ends that objects added.
-
-    `rows` are theirs in the mechanism, `columns` hold displacements for unit forces, shape
-    (n_points, n_added) [m/N].
-    """
-
-    rail: int
-    rows: Ints
-    columns: Floats
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _KnownRails:
     """Distances along the rails that movements leave, in the parts they are computed from.
 
     `of`, `names` and `x` are the name of each distance, its rail and the nodes of this; `after` are
-    the numbers of those that count after a movement to a position. Where objects stand is in
-    `added` and `slope`, the stiffness at each row that the linear system holds.
+    the numbers of those that count after a movement to a position, `bounds` what bounds each.
     """
 
     of: tuple[str, ...]
@@ -99,8 +90,7 @@ class _KnownRails:
     x: tuple[Floats, ...]
     after: Mapping[str, list[int]]
     distances: _Distances
-    added: tuple[_AddedEnds, ...]
-    slope: Floats
+    bounds: _Bounds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,6 +101,8 @@ class MovementEnds:
     ----------
     known : _KnownRails
         Shared values of throws of the same rails.
+    parts : tuple of BlockModel
+        Blocks of the run, with the ends that its objects added.
     rails : list of int
         Number of each distance with its rail, one after the other.
     modal, law_force, friction_force : ndarray, shapes (n, n_modes), (n, n_laws), (n, n_frictions)
@@ -122,6 +114,7 @@ class MovementEnds:
     """
 
     known: _KnownRails
+    parts: tuple[BlockModel, ...]
     rails: list[int]
     modal: Floats
     law_force: Floats
@@ -148,11 +141,7 @@ class DistancesFound(NamedTuple):
 UNKNOWN = LeastDistance(np.nan, np.nan, "")
 """Values of distances that the panel does not state."""
 
-_distances = SharedResults[tuple[_Distances, _Bounds]](32)
-# Condensed rails are so where objects stand in the same places.
-_known: WeakKeyDictionary[CondensedRails, tuple[_KnownRails | None, list[object]]] = (
-    WeakKeyDictionary()
-)
+_known = SharedResults[tuple[_KnownRails | None]](32)
 
 
 def movement_ends(
@@ -189,11 +178,12 @@ def movement_ends(
     instants = np.array([at for _, at in found])
     return MovementEnds(
         known=known,
+        parts=motion.condensed.parts,
         rails=[rail for rail, _ in found],
         modal=history.q[instants],
         law_force=history.law_force[instants],
         friction_force=history.friction_force[instants],
-        force=history.g[instants] * known.slope,
+        force=history.g[instants] * motion.slope,
         law_row=history.laws.row,
         friction_row=history.laws.friction_row,
     )
@@ -295,8 +285,7 @@ def _least_of_alike(runs: Sequence[MovementEnds]) -> list[dict[str, LeastDistanc
     for run in runs:
         own = slice(first, first := first + len(run.rails))
         along = distances[own]
-        for added in run.known.added:
-            _subtract_added_ends(along, run.rails, added, force[own])
+        _subtract_objects(along, run, force[own])
         found.append(_least_by_name(run, along))
     return found
 
@@ -311,15 +300,15 @@ def _least_by_name(run: MovementEnds, along: Floats) -> dict[str, LeastDistance]
     return found
 
 
-def _subtract_added_ends(
-    along: Floats, rails: Sequence[int], added: _AddedEnds, force: Floats
-) -> None:
-    """Subtract the displacements by forces at ends that objects added to the blocks of a rail."""
-    for end, rail in enumerate(rails):
-        if rail == added.rail:
-            own = force[end, added.rows]
-            if any(own.tolist()):
-                along[end, : added.columns.shape[0]] -= added.columns @ own
+def _subtract_objects(along: Floats, run: MovementEnds, force: Floats) -> None:
+    """Subtract the displacements by forces at ends that objects added to the blocks of rails."""
+    for end, rail in enumerate(run.rails):
+        for number, own, rows in run.known.bounds[rail]:
+            part = run.parts[number]
+            if part.added is not None:
+                on_objects = force[end, part.block.rows[-part.added.load.size :]]
+                if any(on_objects.tolist()):
+                    along[end, : len(rows)] -= (rows @ part.added.shapes[:, own].T) @ on_objects
 
 
 def _known_rails(panel: Panel, motion: Motion, of: Sequence[EndDistance]) -> _KnownRails | None:
@@ -327,14 +316,10 @@ def _known_rails(panel: Panel, motion: Motion, of: Sequence[EndDistance]) -> _Kn
 
     None where the panel does not say what these take.
     """
-    families = (panel.rail, panel.stock_rail, panel.stop, panel.stud, panel.object_defaults)
-    named: list[object] = [panel.instrumented_rail, panel.gauge, motion.shapes, *families]
-    kept = _known.get(motion.condensed)
-    if kept is not None and all(map(operator.is_, kept[1], named)):
-        return kept[0]
-    made = _make_known_rails(panel, motion, of)
-    _known[motion.condensed] = made, named
-    return made
+    shaped = panel.digest_of("rail", "stock_rail", "stop", "stud", "object_defaults", "gauge")
+    named = [motion.shapes, *core_blocks(motion.condensed)]
+    values = (panel.instrumented_rail, shaped, *[distance.name for distance in of])
+    return _known.get(named, values, lambda: (_make_known_rails(panel, motion, of),))[0]
 
 
 def _make_known_rails(
@@ -351,27 +336,15 @@ def _make_known_rails(
                 found += [one] if one not in found else []
     if not found:
         return None
-    distances, bounds = _distances_of(panel, motion, found)
+    distances, bounds = _build(panel, motion, found)
     return _KnownRails(
         of=tuple(distance.name for distance, _ in found),
         names=tuple(name for _, name in found),
         x=tuple(motion.rails[name].x for _, name in found),
         after=after,
         distances=distances,
-        added=tuple(_added_ends(motion, bounds)),
-        slope=motion.slope,
+        bounds=bounds,
     )
-
-
-def _added_ends(motion: Motion, bounds: _Bounds) -> Iterator[_AddedEnds]:
-    """Find the ends that objects added to the blocks of some rails."""
-    for rail, of_rail in enumerate(bounds):
-        for number, own, rows in of_rail:
-            part = motion.condensed.parts[number]
-            if part.before is not None:
-                count = part.before.block.rows.size
-                columns = rows @ part.model.residual_shapes[own, count:]
-                yield _AddedEnds(rail, part.block.rows[count:], columns)
 
 
 def _head_width(panel: Panel, name: str) -> float | None:
@@ -400,36 +373,16 @@ FLANGEWAY = EndDistance("flangeway", _opened_rail, _flangeway_along)
 """Free distance between the open rail and its stock rail."""
 
 
-def _distances_of(
-    panel: Panel, motion: Motion, wanted: Sequence[tuple[EndDistance, str]]
-) -> tuple[_Distances, _Bounds]:
-    """Return distances and bounds of some rails, found once for all their throws."""
-    named: list[object] = [panel.gauge, panel.stop, panel.stud, panel.object_defaults]
-    for _, name in wanted:
-        faced, bodies = bodies_at_gap(panel, motion, name)
-        named += [panel.rail[name], motion.shapes.get(name), *faced, *_blocks(motion, bodies)]
-        for body in bodies:
-            named += [body.recovery, body.x]
-    names = [distance.name for distance, _ in wanted]
-    return _distances.get(named, names, lambda: _build(panel, motion, wanted))
-
-
-def _blocks(motion: Motion, bodies: Sequence[RailBody]) -> list[BlockModel]:
-    """Return the blocks of some rails as they are without the ends that objects added."""
-    blocks = motion.condensed.parts
-    own = [blocks[block_of(blocks, body)[0]] for body in bodies]
-    return [part.before or part for part in own]
-
-
 def _build(
     panel: Panel, motion: Motion, wanted: Sequence[tuple[EndDistance, str]]
 ) -> tuple[_Distances, _Bounds]:
+    """Return distances and bounds of some rails."""
     width = whole_lines(max(motion.rails[name].x.size for _, name in wanted))
     starts, of_modes, of_rows = np.full((len(wanted), width), np.inf), [], []
-    bounds = list[list[_Bound]]()
+    bounds = list[list[Bound]]()
     for (distance, name), to in zip(wanted, starts, strict=True):
         start, parts = distance.along(panel, motion, name, motion.rails[name].x)
-        bounds.append([_bound(motion, body, rows) for body, rows in parts])
+        bounds.append([bound(motion.condensed.parts, body, rows) for body, rows in parts])
         start, modes, rows = _rail_columns(motion, start, bounds[-1])
         to[: start.size] = start
         of_modes.append(modes)
@@ -440,14 +393,8 @@ def _build(
     return _Distances(starts, shared_record(columns)), bounds
 
 
-def _bound(motion: Motion, body: RailBody, rows: Floats) -> _Bound:
-    """Return block, coordinates and rows of a rail that bounds a distance."""
-    number, first = block_of(motion.condensed.parts, body)
-    return number, slice(first, first + body.count), rows
-
-
 def _rail_columns(
-    motion: Motion, start: Floats, bounds: Sequence[_Bound]
+    motion: Motion, start: Floats, bounds: Sequence[Bound]
 ) -> tuple[Floats, _Columns, _Columns]:
     """Return start, columns of modes and columns of rows of the distance along a rail."""
     blocks = motion.condensed.parts

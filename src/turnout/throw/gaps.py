@@ -1,6 +1,7 @@
 """Open distances between switch rails and stock rails."""
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -17,17 +18,22 @@ from turnout.solver.condense import CondensedRails
 from turnout.solver.record import SeenRows
 from turnout.throw.output_rows import OutputRows, RowBlock, stack_rows
 from turnout.throw.recovery import (
+    Bound,
     CondensedShapes,
     Motion,
     Parts,
     RowTerms,
     condensed_shapes,
+    core_blocks,
     histories_of,
     lateral_rows,
+    object_shapes,
     output_rows,
     row_block_of,
     row_terms,
     stack_terms,
+    terms_without_objects,
+    with_objects,
 )
 from turnout.throw.route import closed_in_turn, closed_rail, first_instants
 
@@ -38,7 +44,7 @@ GapPlace = tuple[str, Floats, Floats]
 
 
 _rows = SharedResults[list[Floats]](64)
-_watched = SharedResults[SeenRows](128)
+_watched = SharedResults[tuple[SeenRows, Sequence[Bound]]](64)
 
 
 def _frozen(values: ArrayLike) -> Floats:
@@ -208,7 +214,8 @@ def split_gaps_of(
 
 def place_block(panel: Panel, motion: Motion) -> RowBlock:
     """Return the open distances at all `gap_places`, which `split_gaps` takes: "places" [m]."""
-    start, less = _seen_together(panel, motion, gap_places(panel))
+    start, terms, rest = _seen_together(panel, motion, gap_places(panel))
+    less = with_objects(motion, terms, rest)
     rows = output_rows(motion, less, start=start, sign=-1.0)
     return RowBlock(rows, {"places": (0, start.shape)})
 
@@ -227,32 +234,45 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
     named = [mechanism.shapes, mechanism.core]
     key = gaps_key(panel)
 
-    def made(condensed: CondensedRails) -> SeenRows:
-        shapes = condensed_shapes(mechanism, condensed)
-        start, less = _seen_together(panel, shapes, places)
+    def made(shapes: CondensedShapes) -> tuple[SeenRows, Sequence[Bound]]:
+        start, less, rest = _seen_together(panel, shapes, places)
         stored = np.zeros(less.shapes.shape) if less.stored is None else less.stored
         parts = (-stored, -less.modes, -less.shapes, start - less.load)
-        return SeenRows(*(_frozen(part) for part in parts))
+        return SeenRows(*(_frozen(part) for part in parts)), rest
 
-    return lambda condensed: _watched.get([condensed, *named], key, lambda: made(condensed))
+    def seen(condensed: CondensedRails) -> SeenRows:
+        shapes, core = condensed_shapes(mechanism, condensed), core_blocks(condensed)
+        values = (*key, condensed.row_stiffness.size)
+        found, rest = _watched.get([*core, *named], values, lambda: made(shapes))
+        return replace(found, of_objects=-object_shapes(shapes, rest))
+
+    return seen
 
 
 def _seen_together(
     panel: Panel, motion: CondensedShapes, places: Sequence[GapPlace]
-) -> tuple[Floats, RowTerms]:
-    """Return unloaded distances of some points of several rails, and rows that lessen them."""
-    found: dict[int, tuple[Floats, RowTerms]] = {}
+) -> tuple[Floats, RowTerms, Sequence[Bound]]:
+    """Return unloaded distances of some points of several rails, and rows that lessen them.
+
+    They are without objects, whose forces displace the rows that are last.
+    """
+    starts, terms, order = list[Floats](), list[RowTerms](), list[Floats]()
+    rest = list[Bound]()
+    ends = np.cumsum([x.size for _, x, _ in places])
     for rail in dict.fromkeys(rail for rail, _, _ in places):  # large matrices once a rail
         mine = [number for number, place in enumerate(places) if place[0] == rail]
         x, z = (np.concatenate([places[number][axis] for number in mine]) for axis in (1, 2))
         start, parts = gap_rows(panel, motion, rail, x, z)
-        terms, first = row_terms(motion, parts), 0
-        for number in mine:
-            own = slice(first, first := first + places[number][1].size)
-            found[number] = start[own], terms.of(own)
-    ordered = [found[number] for number in range(len(places))]
-    together = stack_terms([terms for _, terms in ordered])
-    return np.concatenate([start for start, _ in ordered]), together
+        own, left = terms_without_objects(motion, parts)
+        starts.append(start)
+        terms.append(own)
+        order += [np.arange(ends[number] - places[number][1].size, ends[number]) for number in mine]
+        for number, coordinates, rows in left:
+            whole = np.zeros((ends[-1], rows.shape[1]))
+            whole[np.concatenate(order[-len(mine) :])] = rows
+            rest.append((number, coordinates, whole))
+    by_place = np.argsort(np.concatenate(order))
+    return np.concatenate(starts)[by_place], stack_terms(terms).of(by_place), rest
 
 
 def bodies_at_gap(

@@ -38,6 +38,8 @@ Ints = NDArray[np.int64]
 
 Parts = Sequence[tuple[RailBody, Floats]]
 """Rails, and rows over the reduced coordinates of each; the products are summed."""
+Bound = tuple[int, slice, Floats]
+"""Of a rail: number of its block, its coordinates in it, and rows over these."""
 
 UY, RX, PER_NODE = 1, 3, 6
 PLACE_TOLERANCE = 1e-6
@@ -178,7 +180,7 @@ class RowTerms:
 
 
 # Rails without objects and rows are shared by many throws; named by identity and kept beside.
-_terms = LRUCache[tuple[RowTerms, Parts, object]](64)
+_terms = LRUCache[tuple[RowTerms, Sequence[Bound], object]](64)
 _shares = LRUCache[tuple[Floats, Parts, object]](64)
 
 
@@ -187,20 +189,56 @@ def row_terms(motion: CondensedShapes, parts: Parts, *, with_stored: bool = True
 
     `with_stored` says whether the run stores the displacements of all rows of its laws.
     """
-    blocks = motion.condensed.parts
-    core = tuple(part.before or part for part in blocks)
+    return with_objects(motion, *terms_without_objects(motion, parts, with_stored=with_stored))
+
+
+def with_objects(motion: CondensedShapes, terms: RowTerms, rest: Sequence[Bound]) -> RowTerms:
+    """Return the terms of rows with forces at the rows of objects, which displace the `rest`."""
+    of_objects = object_shapes(motion, rest)
+    if not of_objects.size:
+        return terms
+    shapes = terms.shapes.copy()
+    shapes[:, -of_objects.shape[1] :] = of_objects
+    return replace(terms, shapes=shapes)
+
+
+def terms_without_objects(
+    motion: CondensedShapes, parts: Parts, *, with_stored: bool = True
+) -> tuple[RowTerms, Sequence[Bound]]:
+    """Return `row_terms` but for forces at rows of objects, and the rows that these displace."""
+    core = core_blocks(motion.condensed)
     n_rows = motion.condensed.row_stiffness.size
     of_parts = ((body.first, id(rows)) for body, rows in parts)
     key = (n_rows, with_stored, *map(id, core), *of_parts)
     kept = _terms.get(key)
-    if kept is None:
-        stored, rest = _stored_share(motion, core, parts) if with_stored else (None, parts)
-        found = replace(_terms_without_objects(core, rest, n_rows=n_rows), stored=stored)
-        if not any(rows.flags.writeable for _, rows in parts):
-            _terms.put(key, (found, rest, (core, parts)))
-    else:
-        found, rest, _ = kept
-    return replace(found, shapes=_with_objects(blocks, rest, found.shapes))
+    if kept is not None:
+        return kept[:2]
+    stored, left = _stored_share(motion, core, parts) if with_stored else (None, parts)
+    rest = [bound(core, body, rows) for body, rows in left]
+    found = replace(_terms_of_blocks(core, rest, n_rows=n_rows), stored=stored)
+    if not any(rows.flags.writeable for _, rows in parts):
+        _terms.put(key, (found, rest, (core, parts)))
+    return found, rest
+
+
+def core_blocks(condensed: CondensedRails) -> tuple[BlockModel, ...]:
+    """Return the blocks of condensed rails without the ends that objects added."""
+    return tuple([part.before or part for part in condensed.parts])
+
+
+def object_shapes(motion: CondensedShapes, bounds: Sequence[Bound]) -> Floats:
+    """Return displacements of some rows for unit forces at the rows of objects.
+
+    Shape (n_rows, n_objects), above the modes [m/N].
+    """
+    condensed, first = motion.condensed, motion.rows.shape[0]
+    found = np.zeros((bounds[0][2].shape[0], condensed.row_stiffness.size - first))
+    for number, own, rows in bounds if found.size else ():
+        part = condensed.parts[number]
+        if part.added is not None:
+            shapes = part.added.shapes[:, own]
+            found[:, part.block.rows[-len(shapes) :] - first] += rows @ shapes.T
+    return found
 
 
 def _stored_share(
@@ -228,35 +266,20 @@ def _stored_share(
     return weights, left
 
 
-def _terms_without_objects(blocks: Sequence[BlockModel], parts: Parts, *, n_rows: int) -> RowTerms:
+def _terms_of_blocks(
+    blocks: Sequence[BlockModel], bounds: Sequence[Bound], *, n_rows: int
+) -> RowTerms:
     """Return rows in terms of blocks to which nothing was added."""
     ends = np.cumsum([0, *(part.model.load.size for part in blocks)])
-    count = parts[0][1].shape[0]
+    count = bounds[0][2].shape[0]
     modes, load, shapes = np.zeros((count, ends[-1])), np.zeros(count), np.zeros((count, n_rows))
-    for body, rows in parts:
-        number, first = block_of(blocks, body)
-        part, own = blocks[number], slice(first, first + body.count)
+    for number, own, rows in bounds:
+        part = blocks[number]
         of_modes, of_shapes, of_load = multiply_by_block(part, rows, own)
         modes[:, ends[number] : ends[number + 1]] += of_modes
         shapes[:, part.block.rows] += of_shapes
         load += of_load
     return RowTerms(modes, shapes, load)
-
-
-def _with_objects(blocks: Sequence[BlockModel], parts: Parts, shapes: Floats) -> Floats:
-    """Return static shapes with those of the ends that were added to the blocks."""
-    found = shapes
-    for body, rows in parts:
-        number, first = block_of(blocks, body)
-        part = blocks[number]
-        if part.before is None:
-            continue
-        if found is shapes:
-            found = shapes.copy()
-        known = part.before.block.rows.size
-        further = part.model.residual_shapes[first : first + body.count, known:]
-        found[:, part.block.rows[known:]] += rows @ further
-    return found
 
 
 def stack_terms(terms: Sequence[RowTerms]) -> RowTerms:
@@ -307,6 +330,12 @@ def block_of(blocks: Sequence[BlockModel], body: RailBody) -> tuple[int, int]:
             return number, first
     message = f"rail {body.name} is in no block"
     raise KeyError(message)
+
+
+def bound(blocks: Sequence[BlockModel], body: RailBody, rows: Floats) -> Bound:
+    """Return rows over the coordinates of a rail with their place in its block."""
+    number, first = block_of(blocks, body)
+    return number, slice(first, first + body.count), rows
 
 
 def multiply_by_block(part: BlockModel, rows: Floats, own: slice) -> tuple[Floats, Floats, Floats]:
