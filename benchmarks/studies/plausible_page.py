@@ -19,10 +19,14 @@ import numpy as np
 from benchmarks.page import EVIDENCE, put
 from turnout.calibration.load_study import load_panel_or_case
 from turnout.calibration.matching.facts import Facts, Sum, Term, load_facts
-from turnout.calibration.matching.match import Matching, match_panel, thrower_at
+from turnout.calibration.matching.match import (
+    Matching,
+    farthest_points,
+    match_panel,
+    thrower_at,
+)
 from turnout.calibration.matching.survey import (
     answer_rows,
-    chosen_as_written,
     combinations,
     fixed_direction,
     measurement_gains,
@@ -222,7 +226,7 @@ def main() -> None:
     given = parser.parse_args()
     folder, facts = given.folder, load_facts("paper-facts")
     found = match_panel(facts, folder, count=0)
-    chosen = chosen_as_written(facts, found.points, CHOSEN, folder)
+    chosen = found.points[farthest_points(found.points, CHOSEN)]
     shows = survey(facts, chosen, folder)
     rows = further(folder, facts, chosen, checked=given.check)
     parts = {

@@ -1,6 +1,5 @@
 """History matching: emulators, regions, facts files, waves that resume, and what comes of them."""
 
-import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -16,27 +15,34 @@ from turnout.calibration.load_study import (
     load_study,
     study_from_file,
 )
-from turnout.calibration.matching import match, survey
-from turnout.calibration.matching.facts import PACKAGE, Facts, Sum, Term, load_facts, read_facts
+from turnout.calibration.matching import match
+from turnout.calibration.matching.facts import (
+    OF_MACHINES,
+    PACKAGE,
+    Facts,
+    Sum,
+    Term,
+    load_facts,
+    read_facts,
+)
 from turnout.calibration.matching.match import (
     Emulation,
     Thrower,
-    fact_values,
     farthest_points,
     fit_emulator,
     holds,
     in_order,
+    is_valid,
     match_panel,
     panel_at,
     plausible_points,
-    thrower_of_case,
+    thrower_at,
     try_panel,
     with_machines,
 )
 from turnout.calibration.matching.measures import MEASURES
 from turnout.calibration.matching.survey import (
     accepted_study,
-    chosen_as_written,
     measurement_gains,
     ranges,
 )
@@ -47,7 +53,9 @@ from turnout.core.progress import Progress
 from turnout.core.toml import parse_toml
 from turnout.core.workers import Workers
 from turnout.panel.foreign_object import ForeignObject
-from turnout.panel.load import load_panel
+from turnout.panel.load import as_written, load_panel
+from turnout.study.study import Study
+from turnout.study.variable import LABEL
 from turnout.throw.simulate import simulate
 
 TOY = """
@@ -261,27 +269,20 @@ def test_each_of_the_fifty_panels_meets_the_facts(number: int) -> None:
     assert missed == []
 
 
-def test_panels_that_miss_a_fact_as_written_are_not_chosen(
-    toy: Facts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A friction of 0.1466 meets the bound and is written as 0.147, which does not."""
-    monkeypatch.setattr(survey, "DIGITS", 3)
-    points = np.array([[(friction - 0.1) / 0.5, 0.5, 0.0] for friction in (0.1466, 0.12, 0.14)])
-    bound = replace(toy.facts[0], least=-np.inf, most=try_panel(toy, points[0]).values[0])
-    facts = replace(toy, facts=(bound, *toy.facts[1:]))
-    assert all(try_panel(facts, point).accepted for point in points)
-    chosen = chosen_as_written(facts, points, 3, tmp_path)
-    lines = [json.loads(line) for line in (tmp_path / "written.jsonl").read_text().splitlines()]
-    assert [line["missed"] for line in lines].count("effort") == 1
-    assert len(chosen) == 2
-    text = accepted_study(facts, chosen, name="chosen")
+def test_panels_are_written_with_all_digits() -> None:
+    """A friction of 0.1466 met a bound and was written as 0.147, which did not."""
+    facts = load_facts("paper-facts")
+    points = np.random.default_rng(0).random((8, len(facts.parameters)))
+    points = np.array([point for point in points if is_valid(facts, point)])
+    text = accepted_study(facts, points, name="chosen")
     study = study_from_file(parse_toml(text, source="chosen"))
-    for number in range(study.count):
-        values = dict(fact_values(facts, thrower_of_case(facts, study, number)))
-        assert all(holds(facts.facts[at], value) for at, value in values.items())
-        assert len(values) == len(facts.facts)
-    monkeypatch.setattr(survey, "_missed_as_written", None)  # what was thrown is kept
-    assert np.array_equal(chosen_as_written(facts, points, 3, tmp_path), chosen)
+    assert study.count == len(points) > 2
+    for number, point in enumerate(points):
+        read, made = thrower_of_case(facts, study, number), thrower_at(facts, point)
+        assert read.panel.hash == made.panel.hash
+        assert read.by_machines is not None
+        assert made.by_machines is not None
+        assert read.by_machines.hash == made.by_machines.hash
 
 
 def test_the_machines_of_the_paper_begin_together() -> None:
@@ -410,6 +411,18 @@ def test_a_machine_at_its_limit_contact_locks_in_whatever_force_it_holds() -> No
     assert float(end["drive_force"]) > float(end["saturation_force"])
     missed = Thrower(panel).sum(sum_of("lock excess", "", item="5 mm@drive 2"))
     assert missed == pytest.approx(float(end["end_gap"]) - 5e-3, abs=1e-9)
+
+
+def thrower_of_case(facts: Facts, study: Study, number: int) -> Thrower:
+    """Return the throws of a case of a study of accepted panels, and of the machines it labels."""
+    scenario = study.scenario(number)
+    panel = as_written(study.panel.with_overrides(scenario.overrides))
+    if not facts.machines:
+        return Thrower(panel)
+    labels = {name.removeprefix(LABEL): value for name, value in scenario.inputs.items()}
+    given = [f"{key}={value}" for key, value in labels.items() if key.startswith(OF_MACHINES)]
+    machines = as_written(with_machines(facts, panel).with_settings(given))
+    return Thrower(panel, by_machines=machines)
 
 
 def sum_of(measure: str, of: str, *, item: str = "") -> Sum:

@@ -48,8 +48,8 @@ def match_command(
     emulators of the earlier ones leave facts possible.
     """
     from turnout.calibration.matching.facts import load_facts
-    from turnout.calibration.matching.match import match_panel, panel_workers
-    from turnout.calibration.matching.survey import chosen_as_written, survey
+    from turnout.calibration.matching.match import farthest_points, match_panel, panel_workers
+    from turnout.calibration.matching.survey import survey
 
     read, chosen = load_facts(facts), None
     with (
@@ -61,14 +61,12 @@ def match_command(
             read, folder, count=count, most=most, workers=processes, report=watch.sweep
         )
         shown = survey(read, found.points, folder, workers=processes, report=watch.sweep)
-        if output["study"] is not None:
-            chosen = chosen_as_written(
-                read, found.points, choose, folder, workers=processes, report=watch.sweep
-            )
+    if output["study"] is not None and len(found.points):
+        chosen = found.points[farthest_points(found.points, choose)]
     record = match_record(found, shown)
     output.show(*match_lines(found, shown.points, record))
-    if chosen is not None:
-        output.show(*written_lines(len(chosen), choose=choose))
+    if output["study"] is not None and len(found.points) < choose:
+        output.show("", f"the study has the {len(found.points)} panels that meet all facts")
     _write(output, read, shown.points, chosen)
     output.json(lambda: record)
 
@@ -78,7 +76,7 @@ def _write(output: Output, facts: "Facts", points: "Floats", chosen: "Floats | N
     from turnout.figures.pairs import plot_pairs
 
     study, plot = output["study"], output["plot"]
-    if study is not None and chosen is not None and len(chosen):
+    if study is not None and chosen is not None:
         output.write(study, accepted_study(facts, chosen, name=study.stem))
     if plot is not None and len(points) > 2:
         left = [item.left for item in ranges(facts, points)]
@@ -169,23 +167,6 @@ def match_lines(found: "Matching", points: "Floats", record: Mapping[str, Any]) 
         lines += ["", f"{'answer':<52}{'5 %':>10}{'50 %':>10}{'95 %':>10}"]
         lines += [_answer_line(row) for row in record["answers"]]
     return lines
-
-
-def written_lines(count: int, *, choose: int) -> list[str]:
-    """Say for the screen if a study has fewer panels than were to be chosen.
-
-    Examples
-    --------
-    >>> written_lines(0, choose=50)
-    ['', 'the study is not written: no accepted panel meets all facts as it is written']
-    >>> written_lines(50, choose=50)
-    []
-    """
-    if count >= choose:
-        return []
-    if not count:
-        return ["", "the study is not written: no accepted panel meets all facts as it is written"]
-    return ["", f"the study has {count} of {choose} panels: no other meets all facts as written"]
 
 
 def _range_line(item: "Range") -> str:

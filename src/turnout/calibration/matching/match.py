@@ -31,7 +31,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from turnout.calibration.matching.facts import OF_MACHINES, Facts, Sum, Term
+from turnout.calibration.matching.facts import Facts, Sum, Term
 from turnout.calibration.matching.measures import MEASURES, Thrown
 from turnout.core.errors import FileError, PanelError, StudyError, TurnoutError
 from turnout.core.kept_results import append_line, claim_for, read_lines
@@ -41,8 +41,6 @@ from turnout.core.threads import one_blas_thread
 from turnout.core.workers import Workers
 from turnout.panel.foreign_object import ForeignObject, parse_object
 from turnout.panel.load import LoadedPanel, as_written
-from turnout.study.study import Study
-from turnout.study.variable import LABEL
 from turnout.throw.save import Save
 from turnout.throw.simulate import simulate
 
@@ -430,23 +428,6 @@ def thrower_at(facts: Facts, point: Floats, mode: Mode = "quick") -> Thrower:
     """
     panel, values = panel_at(facts, point), facts.overrides(point, of_machines=True)
     return Thrower(panel, mode, with_machines(facts, panel, values) if facts.machines else None)
-
-
-def thrower_of_case(facts: Facts, study: Study, number: int, mode: Mode = "quick") -> Thrower:
-    """Return the throws of a case of a study of accepted panels, and of the machines it labels.
-
-    Raises
-    ------
-    PanelError
-        When values of the machines do not go with the panel.
-    """
-    scenario = study.scenario(number)
-    panel = as_written(study.panel.with_overrides(scenario.overrides))
-    if not facts.machines:
-        return Thrower(panel, mode)
-    labels = {name.removeprefix(LABEL): value for name, value in scenario.inputs.items()}
-    given = [f"{key}={value}" for key, value in labels.items() if key.startswith(OF_MACHINES)]
-    return Thrower(panel, mode, as_written(with_machines(facts, panel).with_settings(given)))
 
 
 def with_machines(

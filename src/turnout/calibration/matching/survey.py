@@ -11,23 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from turnout.calibration.load_study import study_from_file
 from turnout.calibration.matching.facts import Facts, Sum, UnknownValue
 from turnout.calibration.matching.match import (
-    fact_values,
-    farthest_points,
-    holds,
     panel_facts,
     panel_workers,
     thrower_at,
-    thrower_of_case,
 )
-from turnout.core.errors import TurnoutError
 from turnout.core.json_files import to_plain
 from turnout.core.kept_results import append_line, read_lines
 from turnout.core.progress import Pace, Report
 from turnout.core.provenance import content_hash
-from turnout.core.toml import parse_toml
 from turnout.core.workers import Workers
 from turnout.study.variable import LABEL
 
@@ -242,9 +235,6 @@ def answer_rows(answers: Sequence[Sum], values: Floats) -> list[dict[str, float 
     return rows
 
 
-DIGITS = 6
-
-
 def accepted_study(facts: Facts, points: Floats, *, name: str) -> str:
     """Return a study file that throws each of some panels once, without an object.
 
@@ -329,10 +319,11 @@ def _list(items: Sequence[str]) -> str:
 
 
 def _written(key: str, value: Any, unit: str) -> str:
-    text = f"{float(value):.{DIGITS}g}"
+    """Return a value with all of its digits: where feet vibrate a fact may hang on the last one."""
+    text = repr(float(value))
     if unit or key.startswith(LABEL):
         return f'"{text} {unit}"' if unit else f'"{text}"'
-    return text if "." in text or "e" in text else f"{text}.0"
+    return text
 
 
 def _range_lines(facts: Facts) -> list[str]:
@@ -342,75 +333,6 @@ def _range_lines(facts: Facts) -> list[str]:
         f" ({item.origin or 'no origin given'})"
         for item in facts.parameters
     ]
-
-
-WRITTEN = "written.jsonl"
-
-
-def chosen_as_written(
-    facts: Facts,
-    points: Floats,
-    count: int,
-    folder: Path,
-    *,
-    workers: int | Workers = 1,
-    report: Report | None = None,
-) -> Floats:
-    """Return accepted panels that lie far from each other and meet all facts as a study has them.
-
-    Where feet vibrate a fact may hang on the last digit, and a study has `DIGITS`. So each chosen
-    panel is thrown once more as it would be written; for those that miss a fact others are chosen.
-
-    Parameters
-    ----------
-    facts : Facts
-        What must hold.
-    points : ndarray, shape (n, n_parameters)
-        Accepted panels.
-    count : int
-        Panels wanted; fewer are returned where no more meet the facts.
-    folder : Path
-        Of the matching; keeps which were thrown.
-    workers : int or Workers
-        Processes, as of `match_panel`.
-    report : callable, optional
-        Called after every panel.
-    """
-    missed = {line["place"]: line["missed"] for line in read_lines(folder / WRITTEN)}
-    places, pace = _places(facts, points), Pace(report)
-    with panel_workers(facts, workers) as processes:
-        while True:
-            left = [at for at, place in enumerate(places) if not missed.get(place)]
-            chosen = [left[at] for at in farthest_points(points[left], count)] if left else []
-            untried = [at for at in chosen if places[at] not in missed]
-            if not untried:
-                return points[chosen]
-            stage = f"panels as written, {len(chosen) - len(untried)} of {count} meet all facts"
-            pace.begin(stage, len(untried))
-            jobs = [partial(_missed_as_written, points[at]) for at in untried]
-            for number, fact in processes.run(jobs):
-                place = places[untried[number]]
-                missed[place] = fact
-                append_line(folder / WRITTEN, {"place": place, "missed": fact})
-                pace.count(stage, failed=bool(fact))
-
-
-def _places(facts: Facts, points: Floats) -> list[str]:
-    return [content_hash([facts.digest, list(map(float, point))]) for point in points]
-
-
-def _missed_as_written(point: Floats) -> str:
-    """Return the first fact that a panel misses as a study has it, or why its throw failed."""
-    facts = panel_facts()
-    text = accepted_study(facts, point[np.newaxis], name="written")
-    try:
-        thrower = thrower_of_case(facts, study_from_file(parse_toml(text, source="written")), 0)
-        for number, value in fact_values(facts, thrower, failures=1):
-            if not holds(facts.facts[number], value):
-                return facts.facts[number].name
-    except TurnoutError as error:
-        return str(error).splitlines()[0]
-    return ""
 
 
 SURVEYED = "surveyed.jsonl"
@@ -469,7 +391,7 @@ def survey(
         for line in read_lines(folder / SURVEYED)
         if line.get("key") == key
     }
-    places = _places(facts, points)
+    places = [content_hash([facts.digest, list(map(float, point))]) for point in points]
     missing = {place: at for at, place in enumerate(places) if place not in known}
     pace = Pace(report)
     pace.begin(STAGE, len(places), there=len(places) - len(missing))
