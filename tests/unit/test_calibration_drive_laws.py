@@ -59,7 +59,6 @@ def response(contact: float) -> Response:
     return Response(
         time=time,
         drive_force={"1": ramp, "2": ramp + 500.0},
-        marker={"1": time, "2": time},
         object_force=ramp,
         onsets={"closing": 0.0},
         contact_time=contact,

@@ -18,7 +18,7 @@ from turnout.panel.load import LoadedPanel, load_panel
 
 NONE = np.zeros(0)
 FAILED = Response(
-    time=NONE, drive_force={}, marker={}, object_force=NONE, onsets={}, failure="it did not close"
+    time=NONE, drive_force={}, object_force=NONE, onsets={}, failure="it did not close"
 )
 
 

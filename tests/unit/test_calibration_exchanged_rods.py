@@ -51,7 +51,6 @@ class Made(Evaluator):
             Response(
                 time=TIME,
                 drive_force=forces(item.place),
-                marker={},
                 object_force=0.0 * TIME,
                 onsets={"closing": 0.0},
             )

@@ -63,7 +63,6 @@ def response(values: Mapping[str, object]) -> Response:
     return Response(
         time=time,
         drive_force={"1": signal},
-        marker={"1": 0.0 * time},
         object_force=0.0 * time,
         onsets={"closing": ONSET},
     )

@@ -23,7 +23,6 @@ def response(contact: float = np.nan) -> Response:
     return Response(
         time=CELLS,
         drive_force={"1": values},
-        marker={"1": values},
         object_force=np.zeros(CELLS.size),
         onsets={"closing": 1.0},
         contact_time=contact,
@@ -80,7 +79,7 @@ def test_a_standing_force_before_the_first_instant_is_no_step() -> None:
     soon = np.arange(0.002, 4.0, 0.004)
     standing = 3000.0 - force(soon - 0.2)
     opened = replace(
-        response(), time=soon, drive_force={"1": standing}, marker={"1": standing},
+        response(), time=soon, drive_force={"1": standing},
         object_force=np.zeros(soon.size), onsets={"opening": 0.2},
     )  # fmt: skip
     moved = movement(0.0)

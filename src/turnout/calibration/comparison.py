@@ -170,18 +170,8 @@ def predicted(
 
 def _recorded(response: Response, signal: Signal) -> Floats:
     """Return a signal of a response as its recorder keeps it."""
-    values = _channel(response, signal)
+    values = response.drive_force[signal.drive] if signal.drive else response.object_force
     return signal.recorder.applied(response.time, values) if signal.recorder else values
-
-
-def _channel(response: Response, signal: Signal) -> Floats:
-    rows: Mapping[str, Mapping[str, Floats]] = {
-        "drive_force": response.drive_force,
-        "drive_displacement": response.marker,
-    }
-    if signal.channel in rows:
-        return rows[signal.channel][signal.drive]
-    return response.object_force
 
 
 # The solver itself is not surer than this share of a channel's largest value [-].

@@ -75,8 +75,8 @@ class Response:
     ----------
     time : ndarray, shape (n,)
         Middle of each cell on the panel's schedule [s].
-    drive_force, marker : mapping of drive to ndarray, shape (n,)
-        Means over cells: force on the rail [N] and position of the marker [m], positive closing.
+    drive_force : mapping of drive to ndarray, shape (n,)
+        Means over cells: force on the rail [N], positive closing.
     object_force : ndarray, shape (n,)
         Means over cells, in compression [N].
     onsets : mapping of direction to float
@@ -89,7 +89,6 @@ class Response:
 
     time: Floats
     drive_force: Mapping[str, Floats]
-    marker: Mapping[str, Floats]
     object_force: Floats
     onsets: Mapping[str, float]
     contact_time: float = float("nan")
@@ -362,7 +361,6 @@ def fitted_part(panel: LoadedPanel, solved: Solved) -> Response:
     return Response(
         time=0.5 * (edges[1:] + edges[:-1]),
         drive_force={name: means(-history.law_force[:, index.drive[name]]) for name in panel.drive},
-        marker={name: means(row) for name, row in zip(panel.drive, history.inputs.T, strict=True)},
         # Without an object placed, nothing presses on the load cell.
         object_force=means(np.nan_to_num(history.law_force[:, objects].sum(axis=1))),
         onsets={movement.direction: movement.start for movement in throws(panel)},
@@ -387,7 +385,7 @@ def with_change(base: Response, after: Response, before: Response) -> Response:
 
 def _failed(reason: str) -> Response:
     no = np.zeros(0)
-    return Response(time=no, drive_force={}, marker={}, object_force=no, onsets={}, failure=reason)
+    return Response(time=no, drive_force={}, object_force=no, onsets={}, failure=reason)
 
 
 def packed(response: Response) -> dict[str, NDArray[Any]]:
@@ -398,7 +396,6 @@ def packed(response: Response) -> dict[str, NDArray[Any]]:
         "time": response.time,
         "drives": np.array(drives, dtype=np.str_),
         "drive_force": _small(list(response.drive_force.values())).reshape(shape),
-        "marker": _small(list(response.marker.values())).reshape(shape),
         "object_force": _small(response.object_force),
         "directions": np.array(list(response.onsets), dtype=np.str_),
         "onsets": np.array(list(response.onsets.values())),
@@ -419,7 +416,6 @@ def unpacked(kept: Mapping[str, NDArray[Any]], _: object) -> Response:
     return Response(
         time=kept["time"],
         drive_force=dict(zip(names, kept["drive_force"], strict=True)),
-        marker=dict(zip(names, kept["marker"], strict=True)),
         object_force=kept["object_force"],
         onsets={name: float(value) for name, value in zip(directions, kept["onsets"], strict=True)},
         contact_time=float(kept["contact_time"]),
