@@ -250,6 +250,62 @@ def test_files_that_stand_alone_say_why() -> None:
     assert not faults, "\n".join(faults)
 
 
+MOST_FILES_OF_CALIBRATION, MOST_LEVELS_OF_CALIBRATION = 30, 8
+"""Of calibration, validation and matching, that one can read; estimates of machines are beside."""
+CALIBRATION = [
+    path
+    for path in MODULES
+    if package_of(path) == "calibration" and "machine_estimates" not in path.parts
+]
+
+
+def test_calibration_stays_flat() -> None:
+    graph = import_graph(SRC)
+
+    @cache
+    def level(path: Path) -> int:
+        return 1 + max((level(other) for other in graph[path] if other in CALIBRATION), default=0)
+
+    assert len(CALIBRATION) <= MOST_FILES_OF_CALIBRATION
+    assert max(map(level, CALIBRATION)) <= MOST_LEVELS_OF_CALIBRATION
+
+
+def numbers_without_reason(text: str) -> list[str]:
+    """Return constants with a number that no comment or docstring beside their block explains."""
+    body, lines = ast.parse(text).body, text.splitlines()
+    explained = {
+        before.end_lineno
+        for before, after in zip(body, body[1:], strict=False)
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+    }
+    end, found = 0, []
+    for node in body:
+        names = ast.unparse(node.targets[0]) if isinstance(node, ast.Assign) else ""
+        if not names.strip("()").isupper():
+            continue
+        numbers = [n.value for n in ast.walk(node) if isinstance(n, ast.Constant)]
+        beside = "#" in "".join(lines[node.lineno - 2 : node.end_lineno])
+        if beside or node.end_lineno in explained or end == node.lineno - 1:
+            end = node.end_lineno or 0
+        elif any(isinstance(number, int | float) and number for number in numbers):
+            found.append(names)
+    return found
+
+
+def test_numbers_of_calibration_have_a_reason() -> None:
+    faults = {
+        str(path.relative_to(SRC)): names
+        for path in CALIBRATION
+        if (names := numbers_without_reason(path.read_text(encoding="utf-8")))
+    }
+    assert not faults
+
+
+def test_a_number_without_a_reason_is_seen() -> None:
+    text = "# Enough.\nMOST = 3\nLEAST = 1\n\nFAR = 2.0\nNEAR = 1.0\n" + '"""Reached."""\n'
+    assert numbers_without_reason(text) == ["FAR"]
+
+
 def test_functions_stay_short() -> None:
     long = []
     for path in MODULES:

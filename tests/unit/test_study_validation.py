@@ -232,10 +232,10 @@ def noticed(*, bend: float = 0.0, lost: str = "", unchecked: str = "") -> dict[s
         return found
 
     errors = [
-        PossibleError(name="drive.1.level", change=first, unchecked=unchecked),
-        PossibleError(name="drive.2.nothing", change=0.0 * first),
-        PossibleError(name="rail.straight.length", change=10.0 * first, unit="m"),
-        PossibleError(name="onset", change=first, unit="s"),
+        PossibleError(name="drive.1.level", change=first, largest=0.5, unchecked=unchecked),
+        PossibleError(name="drive.2.nothing", change=0.0 * first, largest=0.5),
+        PossibleError(name="rail.straight.length", change=10.0 * first, largest=1e-2, unit="m"),
+        PossibleError(name="onset", change=first, largest=0.015, unit="s"),
     ]
     channels = part["channel"].values.tolist()
     lines = noticed_errors(Rules.of(part), base, errors, channels, throw=throw)

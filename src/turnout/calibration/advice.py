@@ -44,6 +44,7 @@ from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 
 Floats = NDArray[np.float64]
+# The weight of the rails, whose error acts like one of all forces.
 WEIGHT = "gravity"
 # Relative error of the weight and of each sensitivity that is examined [-].
 SHARE = 0.01
@@ -56,6 +57,7 @@ TAKEN_UP = 0.3
 WORTH = 0.1
 # Smaller changes of a value are not printed [-].
 LEAST_PRINTED = 1e-5
+# Of the objects that could be measured next: that of the published test, and twice it [m].
 SIZES = (0.013, 0.026)
 # An uncertainty of a panel that is stated, and moves of values by it that are said [-].
 SHARE_TEXT = re.compile(r"(?P<key>[^=\s]+)\s*=\s*(?P<share>\d+(\.\d+)?)\s*%")

@@ -42,6 +42,7 @@ GROUP = "friction.group."
 LEAST_LAG, LEAST_PLAY, LEAST_KNEE = 5e-3, 5e-5, 0.02
 # Soft travels that are tried [m].
 SOFT_TRAVELS = (0.5e-3, 1e-3, 2e-3, 3.5e-3)
+# Of a slip level from throw to throw where a clutch is worn [-].
 LEVEL_SCATTER = 0.05
 # Low-passes of a recorder that are tried, and the time below which there is none [s].
 RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))

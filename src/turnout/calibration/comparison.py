@@ -181,7 +181,9 @@ FLOOR = 2e-4
 AGREEMENT, AGREEMENT_TIME = {OBJECT_FORCE: 1e-3}, 1.0
 # Rest before the onset, as the onset may have been found late [s].
 REST_END = -0.1
+# A rest of fewer bins says nothing of slow noise.
 LEAST_REST = 10
+# Errors that decay more slowly are much like those of a zero, which is an unknown [s].
 LONGEST = 2.0
 
 
@@ -338,9 +340,9 @@ def _autocovariance(series: Sequence[Floats], *, mean_removed: bool) -> Floats:
     return found
 
 
-ONSET_STEP = 2e-3
-MAX_ONSET_SHIFT = 0.4
-ONSET_ITERATIONS = 12
+# Onsets are found by slopes over so much to either side, half a cell of a response; how far off a
+# mark may be, beyond which it is of something else [s]; and in so many steps.
+ONSET_STEP, MAX_ONSET_SHIFT, ONSET_ITERATIONS = 2e-3, 0.4, 12
 Key = tuple[str, str]
 
 

@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 CELL = 4e-3
 # Raised when what a kept throw holds changes.
 STORED_VERSION = 5
+# Throws that are kept in memory, of some 20 kB each.
 MOST_IN_MEMORY = 4000
 LATE = "a machine had not arrived when the next movement was to begin: let that begin later"
 # Step of a fine throw, as a share of the one of the scheme: after an impact steps of 1 ms bias

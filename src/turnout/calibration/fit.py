@@ -204,6 +204,7 @@ def _own_cost(one: Misfit, values: Mapping[str, float]) -> float:
 # by a whole square of a standard deviation; and the limit of all.
 MAX_STEPS, EXTRA_STEPS, STEP_LIMIT = 12, 4, 40
 EXTENDING_SHARE, EXTENDING_DECREASE = 1e-3, 1.0
+# Fits with noise found again at most: it rests after two where the model is right.
 MAX_PASSES = 4
 # Steps that the noise of the solver hides [coordinate].
 MIN_STEP = 1e-4
@@ -216,8 +217,7 @@ ROUGH_STEPS, ROUGH_REJECTED, ROUGH_DECREASE = 6, 2, 0.02
 # Of a brief fit: passes with noise found again, steps of each, how often movement effects are
 # thrown again in a step, and the decrease below which a step is not tried; and rejected steps in a
 # row: far from the end a step is to shorten by so much.
-BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE = 2, 8, 1, 0.5
-BRIEF_REJECTED = 4
+BRIEF_PASSES, BRIEF_STEPS, BRIEF_EFFECTS, BRIEF_DECREASE, BRIEF_REJECTED = 2, 8, 1, 0.5, 4
 # Planes at the end of a fit at most, the predicted decrease for each parameter below which it is
 # there [square of a standard deviation], after how many of them noise is found again, and how far a
 # step goes at most [reaches].

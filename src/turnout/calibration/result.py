@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from turnout.calibration.evaluate import Response
 
 Floats = NDArray[np.float64]
+# Raised when records of before can no longer be read.
 SCHEMA_VERSION = 1
 
 

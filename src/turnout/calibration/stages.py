@@ -299,8 +299,8 @@ METHODS = ("sweep", "fit", "sweep and fit")
 # The published calibration: friction 0.1 ... 0.5; a tenth and ten times of a drive's stiffness.
 FRICTION_SWEEP = (0.1, 0.2, 0.3, 0.4, 0.5)
 STIFFNESS_SWEEP = (75e3, 150e3, 300e3, 750e3, 1.5e6, 3e6, 7.5e6)
-FRICTION_SCATTER = 0.02
-TEST_SIZE = 0.013
+# Of friction from throw to throw, as repeats show [-]; the object of the published test [m].
+FRICTION_SCATTER, TEST_SIZE = 0.02, 0.013
 # Enough for five parameters; what is left over is there to validate.
 JOINT_MOVEMENTS = 20
 # How well over-travel and fit are known [m], and the stress-free fraction [-]; bounds are so many
@@ -588,6 +588,7 @@ def spread(count: int, most: int) -> list[int]:
     return sorted({math.floor(i * (count - 1) / (most - 1) + 0.5) for i in range(most)})
 
 
+# Objects nearer to each other than this are at one place, as run sheets state places [m].
 SAME_PLACE = 0.05
 
 

@@ -54,7 +54,9 @@ WALKERS, STEPS = 600, 120
 REGION_SHARE = 0.2
 """Share of the walkers that each narrower region starts from."""
 CANDIDATES = 20_000
+"""Points of the first region, which covers the ranges."""
 MOST_REGIONS = 40
+"""Regions at most: each holds a fifth of the one before, so 40 reach any share."""
 MOST_FOR_SPREADS = 350
 """So many points are used to find the three spreads."""
 LEAST_SPREAD, MOST_SPREAD = np.log(1e-3), np.log(100.0)
@@ -533,6 +535,7 @@ FIRST_WAVE, WAVE = 160, 40
 CUT_OFFS = (3.0, 3.0, 2.0, 0.5, -0.5)
 """Implausibility up to which points are tried, in the waves after the first; the last holds on."""
 MOST_TRAINING = 400
+"""Panels at most that emulators are made of, as their work grows with the cube of these."""
 SPARE = 4
 """Times the points of a wave that are drawn at most, to have enough whose values go together."""
 FAR = 3.0

@@ -30,8 +30,7 @@ FEWEST = 10
 """Accepted panels below which nothing is said about them."""
 STRONG = 0.5
 """Rank correlation from which two parameters are named."""
-NODES = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)])
-NODE_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
+NODES, NODE_WEIGHTS = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
 """Three-point Gauss-Hermite rule for the error of a measurement, in standard deviations."""
 
 

@@ -147,9 +147,8 @@ def rows_of(values: xr.DataArray) -> Floats:
     return np.asarray(values.transpose("channel", "movement", "time").values, dtype=np.float64)
 
 
-# Largest amounts that are tried: of a share of a value, a length [m], and of an onset [s], beyond
-# which a lead of the motors is taken off; and others as shares of these.
-LARGEST, AMOUNTS = {"": 0.5, "m": 1e-2, "s": 0.015}, np.geomspace(2e-4, 1.0, 80)
+# Amounts of an error that are tried, as shares of the largest, in steps of a tenth.
+AMOUNTS = np.geomspace(2e-4, 1.0, 80)
 SIGNS = (1.0, -1.0)
 # A wrong value has bands of its own: 13 % wider with friction 7 % too high (`sb1`); so much wider
 # ones than those of the right values have to notice it.
@@ -166,6 +165,8 @@ class PossibleError:
         Of a value, or "onset".
     change : ndarray, shape (n_channels, n_movements, n_times)
         Of the prediction, to first order: for all of a value [N], or over its unit.
+    largest : float
+        That is tried.
     unit : str
         "m" for a length, "s" for an onset, which needs no throw; else none, it is a share.
     unchecked : str
@@ -174,6 +175,7 @@ class PossibleError:
 
     name: str
     change: Floats
+    largest: float
     unit: str = ""
     unchecked: str = ""
 
@@ -187,7 +189,7 @@ class PossibleError:
 
         Examples
         --------
-        >>> item = PossibleError(name="k", change=np.zeros(0))
+        >>> item = PossibleError(name="k", change=np.zeros(0), largest=0.5)
         >>> item.text(0.0451), item.text(0.1204), replace(item, unit="s").text(0.00631)
         ('4.6 %', '13 %', '7 ms')
         """
@@ -252,8 +254,7 @@ def noticed_errors(
         ]
         known = [found for found in least if found]
         if len(known) < len(least):
-            largest = item.text(LARGEST[item.unit])
-            lines.append(f"{item.name}: not noticed, tried up to {largest}")
+            lines.append(f"{item.name}: not noticed, tried up to {item.text(item.largest)}")
             continue
         amount, row, kind = max(known)
         lines.append(f"{item.name} off by {item.text(amount)} ({kind} of {channels[row]})")
@@ -272,7 +273,7 @@ def _least(
         rules = replace(rules, reach=WIDER * rules.reach)
     # A channel that is refused already notices nothing more.
     before, change = rules.refused(predicted), np.nan_to_num(item.change)
-    for amount in (LARGEST[item.unit] * AMOUNTS).tolist():
+    for amount in (item.largest * AMOUNTS).tolist():
         trial = predicted + sign * amount * change + amount**2 * bend
         new = np.flatnonzero(rules.refused(trial) & ~before)
         if new.size:
@@ -290,6 +291,7 @@ FEATURES = {
     "peak": (1.0, "N", "N"),
     "plateau": (1.0, "N", "N"),
 }
+# Movements furthest off that are named.
 WORST = 3
 
 

@@ -26,6 +26,7 @@ from turnout.calibration.comparison import (
     peaks_of,
     prediction,
 )
+from turnout.calibration.covariance import NORMAL_95
 from turnout.calibration.evaluate import Evaluator, Response, throws_done
 from turnout.calibration.linearisation import stepped_value
 from turnout.calibration.measured_movements import (
@@ -43,8 +44,9 @@ from turnout.calibration.result import (
     overrides_with,
     shaped,
 )
+from turnout.calibration.sensors import LATE
 from turnout.calibration.shared import CLOCK, CROSS_TALK, GAIN, ZERO, chain_key
-from turnout.calibration.stages import Fitted, Parameter
+from turnout.calibration.stages import FRICTION_SCATTER, Fitted, Parameter
 from turnout.calibration.validation.acceptance import (
     PossibleError,
     Rules,
@@ -80,6 +82,7 @@ Chain = Mapping[str, tuple[float, float]]
 Report = Callable[[str, int, int], None]
 DIMS = ("channel", "movement", "time")
 OBJECT = "object"
+KNOWN = Uncertainty()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,12 +241,10 @@ def chain_directions(forces: Floats, grid: SharedBins, chain: Chain) -> Floats:
     return np.stack([*of_sources, clock * grid.time * later(forces), zero + 0.0 * forces])
 
 
-# Expected of a marked onset: beyond it, forces must say so more clearly [s].
-UNCERTAINTY = 0.05
 # Before the onset, and before the contact [s]; a part shorter than `LEAST` is not used.
 BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
-# Onsets that currents mark are good to 5 ms each; three times that in all movements is a lead [s].
-CLEAR_LEAD = 0.015
+# A lead in all movements that is no chance [s].
+CLEAR_LEAD = LATE * KNOWN.clocked_onset
 # Share of the largest force that a model may miss without saying something of the onset [-].
 MISSED = 0.01
 
@@ -296,7 +297,8 @@ def _shift(item: MeasuredMovement, response: Response) -> float:
     The free part ends where the model touches the object, on a clock that may be off itself.
     """
     noise = {key: Noise(white=MISSED * max(peak, 1.0)) for key, peak in peaks_of([item]).items()}
-    known = Uncertainty(onset=UNCERTAINTY, clocked_onset=UNCERTAINTY, zero=0.0, gain=0.0)
+    # As if currents said no more of the onset than forces.
+    known = Uncertainty(onset=KNOWN.onset, clocked_onset=KNOWN.onset, zero=0.0, gain=0.0)
     touched, shift = item.length, 0.0
     if item.size > 0 and np.isfinite(response.contact_time):
         touched = response.contact_time - response.onsets[item.direction] - CLEARANCE
@@ -470,12 +472,10 @@ def announce(
         evaluator.on_throw = lambda: report(stage, throws_done(evaluator) - begun, total)
 
 
-# 95 % of a normal distribution lie within so many standard deviations.
-QUANTILE = 1.959964
 # Parameters that a throw can have of its own, by the end of their key, and how much is expected.
-SCATTERING = {"friction_coefficient": 0.02, "saturation_force": 0.01}
-# Standard uncertainty of an onset, from motor currents or from the free part [s].
-ONSET = 0.005
+SCATTERING = {"friction_coefficient": FRICTION_SCATTER, "saturation_force": 0.01}
+# Largest errors of a value, as a share, and of a length [m] that the verdict is tried for.
+LARGEST_SHARE, LARGEST_LENGTH = 0.5, 1e-2
 SHEET = ("direction", "size", "place", "repeat", "slipped")
 
 
@@ -545,7 +545,7 @@ def validate(
             scatter=scatter,
         )
     of_chain = chain_directions(model.forces, model.grid, chain)
-    half = QUANTILE * np.sqrt(scatter.variance + variance + (of_chain**2).sum(axis=0))
+    half = NORMAL_95 * np.sqrt(scatter.variance + variance + (of_chain**2).sum(axis=0))
     forecast, reach = measured.copy(data=forces), measured.copy(data=half)
     found = xr.Dataset(
         {
@@ -600,7 +600,7 @@ def _scatter(
     found = scatter_of(
         measured,
         np.array([*slopes, later(model.forces)]),
-        [*expected, ONSET],
+        [*expected, KNOWN.clocked_onset],
         groups=groups,
         noise=np.array([known[key] for key in model.grid.keys]),
     )
@@ -622,6 +622,7 @@ def _noticed(
         PossibleError(
             name=item.name,
             change=whole[item.name] * slope[:, chosen],
+            largest=LARGEST_LENGTH if item.unit == "m" else LARGEST_SHARE,
             unit="m" if item.unit == "m" else "",
             unchecked=failure,
         )
@@ -633,7 +634,9 @@ def _noticed(
     predicted = rows_of(part["predicted"])
     clocked = all(item.clocked for item in model.thrown.movements)
     if clocked:
-        errors.append(PossibleError(name="onset", change=later(predicted), unit="s"))
+        # A lead beyond this is taken off.
+        change = later(predicted)
+        errors.append(PossibleError(name="onset", change=change, largest=CLEAR_LEAD, unit="s"))
 
     def throw(wrong: list[tuple[str, float]]) -> list[Floats | str]:
         settings = [{name: fitted[name].value + off * whole[name]} for name, off in wrong]
