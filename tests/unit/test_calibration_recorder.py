@@ -9,6 +9,7 @@ import xarray as xr
 from tests.unit.test_calibration_fit import TRUE, movement, response
 
 from turnout.calibration.comparison import predicted
+from turnout.calibration.evaluate import CELL
 from turnout.calibration.measured_movements import BIN, _Bins, _recorder
 from turnout.calibration.validation.validate import SharedBins
 from turnout.core.toml import parse_toml
@@ -74,6 +75,21 @@ def test_each_channel_has_the_rate_of_its_own_column() -> None:
     mixed = row(1000.0, force_rates='{"m": {"object_force": 10.0}}')
     assert _recorder(mixed, "object_force") == Recorder(rate=10.0)
     assert _recorder(mixed, "drive_force.1") == Recorder()
+
+
+@pytest.mark.parametrize("late", [0.0, 1e-3, 2e-3])
+def test_bins_that_end_within_cells_of_a_response_are_not_smoothed(late: float) -> None:
+    """Steps from cell to cell of 4 ms smoothed by up to what samples 5 ms apart do."""
+    item = movement("m", rng=np.random.default_rng(0))
+    made = response(TRUE)
+    parabola = 0.5 * made.time**2 + CELL**2 / 24.0
+    bins = np.arange(60, 160)
+    (signal,) = item.signals
+    seen = predicted(
+        replace(made, drive_force={"1": parabola}), item, signal, bins, shift=late
+    )
+    began = signal.time[bins] - late + made.onsets["closing"]
+    np.testing.assert_allclose(seen - 0.5 * began**2, BIN**2 / 24.0, rtol=1e-6)
 
 
 def test_a_validation_has_the_recorder_that_a_fit_has() -> None:

@@ -107,6 +107,26 @@ def test_lines_between_samples_are_those_of_all_phases() -> None:
     )
 
 
+@pytest.mark.parametrize("rate", [20.0, 50.0, 57.0])
+def test_samples_as_far_apart_as_those_of_a_fit_are_not_smoothed_further(rate: float) -> None:
+    """A recorder of 50 samples a second was found as one of 57: lines between 4 ms smooth too."""
+    time = np.arange(1000) * 4e-3
+    late = slice(500, 900)
+    recorder = Recorder(low_pass=LowPass(corner=6.0), rate=rate)
+    # Two poles of Butterworth only delay a parabola, lines between samples T apart lift it.
+    delayed = 0.5 * (time - np.sqrt(2.0) / (2.0 * np.pi * 6.0)) ** 2
+    lifted = recorder.applied(time, 0.5 * time**2) - delayed
+    np.testing.assert_allclose(lifted[late], 1.0 / rate**2 / 12.0, rtol=0.01)
+
+
+@pytest.mark.parametrize("average", [0.02, 0.0225])
+def test_a_mean_over_the_past_of_a_parabola_is_exact_between_samples_too(average: float) -> None:
+    time = np.arange(1000) * 4e-3
+    seen = Recorder(average=average).applied(time, 0.5 * time**2)
+    exact = (time**3 - (time - average) ** 3) / (6.0 * average)
+    np.testing.assert_allclose(seen[10:], exact[10:], rtol=1e-9)
+
+
 def mapped(text: str) -> ChannelMap:
     return parse_channel_map(parse_toml(text + MAP, source="map"))
 

@@ -49,7 +49,7 @@ RECORDER_FILTERS = ((BUTTERWORTH, 2), (RC, 1), (BESSEL, 4), (BUTTERWORTH, 4))
 LEAST_DELAY = 1e-5
 # Interval between samples of a recorder of which only a filter or a mean is looked for: usual,
 # longest, and below which it is not said [s].
-USUAL_INTERVAL, LONGEST_INTERVAL, LEAST_LINES = 0.02, 0.1, 0.015
+USUAL_INTERVAL, LONGEST_INTERVAL, LEAST_LINES = 0.03, 0.1, 0.015
 # Of an over-travel that differs [m].
 LEAST_OVER_TRAVEL = 5e-5
 # What names of cross-talk begin with: in the gauges of a drive, of another.
@@ -287,6 +287,8 @@ class Cause:
         parameter, the others at their start.
     group : str
         Of causes much alike in what they do to forces: a fit with each decides between them.
+    doubted : callable
+        Whether its sizes are those that another one of its group may make up for.
     refined : bool
         Whether the likeliest size is searched between those that are tried: where that needs no
         throws, so that causes alike in effect are compared at their best.
@@ -311,6 +313,7 @@ class Cause:
     parameters: tuple[Parameter, ...] = ()
     tries: tuple[float, ...] = ()
     group: str = ""
+    doubted: Callable[[Sequence[float]], bool] = lambda _: False
     refined: bool = False
     smooth: bool = False
     least: float = 0.0
@@ -474,6 +477,8 @@ def _recorder_cause(
         tries=tries,
         least=least,
         group="recorder",
+        # Lines take up what the shape of one filter or mean lacks for that of another.
+        doubted=lambda sizes: sum(sizes[1:]) > LEAST_LINES**2,
         refined=True,
         shape=shape,
     )

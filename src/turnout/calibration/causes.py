@@ -10,6 +10,7 @@ is decisively better is fitted together with all values, so that they are freed 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -298,10 +299,12 @@ def without(search: CauseSearch, final: Fit, left_out: Sequence[TestedCause]) ->
     return search
 
 
-def evidence(found: Fit, causes: Sequence[Cause]) -> float:
+def evidence(found: Fit, causes: Sequence[Cause], first: Misfit | None = None) -> float:
     """Return minus twice the logarithm of the evidence for causes by a fit with them (Laplace).
 
-    Where all movements begin later than marked, motors that lead are one unknown more.
+    Where all movements begin later than marked, motors that lead are one unknown more. The fit goes
+    on with it from `first` if given, the misfit with the causes and the noise of the measurement:
+    what a cause lacks without a lead counts as noise else, and one that delays forces too wins.
     """
     lead = unknown_lead(found)
     if lead:
@@ -309,6 +312,10 @@ def evidence(found: Fit, causes: Sequence[Cause]) -> float:
         frame = framed(found.local, misfit, near=found.frame)
         residuals = misfit.residuals_of(found.local.simulated, frame)
         found = replace(found, misfit=misfit, frame=frame, residuals=residuals)
+        if first is not None:
+            known = replace(first.comparison, lead=lead)
+            first = replace(first, base=found.values, comparison=known)
+            found = brief_fit(first, found, share=LEFT_MISSED, passes=1, steps=CAUSE_STEPS)
     return deviance(found) + of_sizes(causes, found, more=int(bool(lead)))[1]
 
 
@@ -398,9 +405,9 @@ def _fitted_choices(
 
     None is fitted after one that leaves nothing to look for, unless that is as likely to first
     order. Of causes much alike the others are fitted too where the one that was is at its bound,
-    which is another (a bushing without stiffness is play), has a size that nobody would expect,
-    leaves something, or needs a lead of the motors, as those do that delay forces less than the
-    right one.
+    which is another (a bushing without stiffness is play), has sizes that nobody would expect or
+    that make up for the shape of another (a filter with few samples), leaves something, or needs a
+    lead of the motors, as those do that delay forces less than the right one.
     """
     least = evidence(found, ())
     fitted: list[FittedChoice] = []
@@ -411,7 +418,8 @@ def _fitted_choices(
             kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
                 again = _fitted_with(found, first, kept)
-            size = evidence(again, [item.cause for item in kept])
+            causes = [item.cause for item in kept]
+            size = evidence(again, causes, reduce(with_cause, causes, first))
             if kept and size < least - DECISIVE:
                 fitted.append(FittedChoice(found=again, choice=kept, evidence=size))
                 fitted.sort(key=lambda item: item.evidence)
@@ -430,6 +438,7 @@ def _fitted_choices(
     bound = any(item.at_bound(best.values[item.name]) for item in taken.sized)
     away = prior_residuals(taken.parameters, coordinates(taken.parameters, best.values))
     doubted = bound or bool(unknown_lead(best)) or bool(np.abs(away).max() > LEAVES_PRIOR)
+    doubted = doubted or taken.doubted(taken.sizes_in(best.values))
     for choice in choices:
         cause = choice[0].cause
         if len(choice) > 1 or cause is taken or cause.group != taken.group or is_spent():

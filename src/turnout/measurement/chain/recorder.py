@@ -6,7 +6,7 @@ instead would raise its noise.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -200,10 +200,11 @@ class Recorder:
         time : ndarray, shape (n,)
             Even [s].
         values : ndarray, shape (n,)
-            Means over cells about these times; before the first the signal is taken as constant.
+            At these times, or means over cells about them, as what is returned then is too; before
+            the first the signal is taken as constant.
         """
         if self.low_pass is not None:
-            values = low_passed(time, values, self.low_pass)
+            values = low_passed(time, _ends_of_lines(values), self.low_pass)
         if self.average > LEAST_AVERAGE:
             values = trailing_mean(time, values, self.average)
         if self.rate and 1.0 / self.rate > LEAST_INTERVAL:
@@ -362,7 +363,7 @@ def trailing_mean(time: Floats, values: Floats, average: float) -> Floats:
     time : ndarray, shape (n,)
         Even [s].
     values : ndarray, shape (n,)
-        Means over cells about these times.
+        At these times, with a cubic spline in between.
     average : float
         `T` [s].
 
@@ -376,15 +377,23 @@ def trailing_mean(time: Floats, values: Floats, average: float) -> Floats:
     >>> trailing_mean(time, 100.0 * time, 0.02).round(2)
     array([0.  , 0.25, 1.  , 2.  , 3.  , 4.  ])
     """
-    cell = float(time[1] - time[0]) if time.size > 1 else 0.0
-    if average <= LEAST_AVERAGE or not cell:
+    if average <= LEAST_AVERAGE or time.size < 2:
         return np.asarray(values, dtype=np.float64)
-    integral = np.concatenate(
-        ([0.0], np.cumsum(0.5 * cell * (values[1:] + values[:-1]), dtype=np.float64))
-    )
-    before = np.minimum(time - average - time[0], 0.0) * values[0]
-    past = np.interp(time - average, time, integral) + before
-    return np.asarray((integral - past) / average)
+    integral, past = _integrals(time, values, 1, [time, time - average])
+    return np.asarray(values[0] + (integral - past) / average)
+
+
+def _integrals(time: Floats, values: Floats, order: int, instants: Sequence[Floats]) -> list[Floats]:
+    """Return integrals of the rise of a signal over its first value, at several instants.
+
+    Straight lines instead of a spline would smooth it further, by a variance of `h^2 / 6` for each
+    integral over samples `h` apart: of 4 ms, as much as samples taken at 54 Hz in place of 50 do.
+    """
+    from scipy.interpolate import CubicSpline  # loads slowly
+
+    rise = np.asarray(values, dtype=np.float64) - values[0]
+    integral = CubicSpline(time, rise).antiderivative(order)
+    return [integral(np.maximum(instant, time[0])) for instant in instants]
 
 
 def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
@@ -435,6 +444,15 @@ def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
     return np.asarray(found, dtype=np.float64)
 
 
+def _ends_of_lines(values: Floats) -> Floats:
+    r"""Return the ends of straight lines that have the mean of a smooth signal between its samples.
+
+    Lines between its own values lie :math:`h^2 F'' / 12` beside it in the mean.
+    """
+    bend = np.diff(values, 2, prepend=values[:1], append=values[-1:])
+    return np.asarray(values - bend / 12.0, dtype=np.float64)
+
+
 @lru_cache(maxsize=64)
 def _poles(low_pass: LowPass) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return poles [1/s] and residues [1/s] of a low-pass with a gain of one at rest."""
@@ -467,7 +485,7 @@ def between_samples(time: Floats, values: Floats, rate: float) -> Floats:
     time : ndarray, shape (n,)
         Even [s].
     values : ndarray, shape (n,)
-        Means over cells about these times.
+        At these times, with a cubic spline in between.
     rate : float
         `1 / T` [1/s].
 
@@ -482,5 +500,5 @@ def between_samples(time: Floats, values: Floats, rate: float) -> Floats:
     after = np.arange(1, int(np.ceil(interval / step)) + 2)
     longer = np.concatenate((time, time[-1] + step * after))
     held = np.concatenate((values, np.full(after.size, values[-1])))
-    twice = trailing_mean(longer, trailing_mean(longer, held, interval), interval)
-    return np.asarray(np.interp(time + interval, longer, twice))
+    before, here, later = _integrals(longer, held, 2, [time - interval, time, time + interval])
+    return np.asarray(values[0] + (later - 2.0 * here + before) / interval**2)
