@@ -398,10 +398,10 @@ def channel_map(drives: list[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def make(case: Hard, folder: Path, *, seed: int) -> Values:
-    """Write a campaign, and return the true values."""
+def make(case: Hard, folder: Path, *, seed: int, panel_name: str = "sb1") -> Values:
+    """Write a campaign of a panel, and return the true values."""
     folder.mkdir(parents=True)
-    panel = finer_panel(load_panel("sb1", overrides=TRUTH))
+    panel = finer_panel(load_panel(panel_name, overrides=TRUTH))
     text = channel_map(list(panel.drive))
     wired = parse_channel_map(parse_toml(text, source="channels.toml"))
     scheme = replace(finer_scheme(), output_interval=Scheme().output_interval)

@@ -419,6 +419,25 @@ def test_of_several_choices_the_one_of_most_evidence_is_taken(
     assert taken(50.0, 40.0) == []
 
 
+@pytest.mark.parametrize("doubted", [False, True])
+def test_those_alike_are_fitted_where_sizes_make_up_for_the_shape_of_another(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]], *, doubted: bool
+) -> None:
+    """6 Hz behind 20 samples a second was a mean over 73 ms, and three values were not held."""
+    start, _, tried = fitted_alone
+    choices = [
+        [cause_trials.TestedCause(cause=replace(item, name=name), sizes=(), gain=gain)]
+        for name, gain in (("better", 50.0), ("after", 10.0))
+        for item in [Cause(name="", text=str, parameters=PARAMETERS[1:], group="alike")]
+        for item in [replace(item, doubted=lambda _: doubted)]
+    ]
+    _fitted_choices(start, start.misfit, choices, lambda: False)
+    assert tried == ["better", "after"][: 1 + doubted]
+    recorders = candidate_causes(load_panel("sb1"), PARAMETERS)
+    mean, *_ = (item for item in recorders if item.group == "recorder")
+    assert [mean.doubted((0.1, square)) for square in (0.0, 0.04**2)] == [False, True]
+
+
 def test_choices_that_are_alike_are_both_said_and_widen_the_intervals(
     fitted_alone: tuple[Fit, dict[str, float], list[str]],
 ) -> None:

@@ -85,9 +85,7 @@ def test_bins_that_end_within_cells_of_a_response_are_not_smoothed(late: float) 
     parabola = 0.5 * made.time**2 + CELL**2 / 24.0
     bins = np.arange(60, 160)
     (signal,) = item.signals
-    seen = predicted(
-        replace(made, drive_force={"1": parabola}), item, signal, bins, shift=late
-    )
+    seen = predicted(replace(made, drive_force={"1": parabola}), item, signal, bins, shift=late)
     began = signal.time[bins] - late + made.onsets["closing"]
     np.testing.assert_allclose(seen - 0.5 * began**2, BIN**2 / 24.0, rtol=1e-6)
 

@@ -478,7 +478,7 @@ def _recorder_cause(
         least=least,
         group="recorder",
         # Lines take up what the shape of one filter or mean lacks for that of another.
-        doubted=lambda sizes: sum(sizes[1:]) > LEAST_LINES**2,
+        doubted=lambda sizes: sampled or sum(sizes[1:]) > LEAST_LINES**2,
         refined=True,
         shape=shape,
     )

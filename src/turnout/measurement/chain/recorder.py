@@ -383,7 +383,9 @@ def trailing_mean(time: Floats, values: Floats, average: float) -> Floats:
     return np.asarray(values[0] + (integral - past) / average)
 
 
-def _integrals(time: Floats, values: Floats, order: int, instants: Sequence[Floats]) -> list[Floats]:
+def _integrals(
+    time: Floats, values: Floats, order: int, instants: Sequence[Floats]
+) -> list[Floats]:
     """Return integrals of the rise of a signal over its first value, at several instants.
 
     Straight lines instead of a spline would smooth it further, by a variance of `h^2 / 6` for each
