@@ -1,6 +1,7 @@
 """Places left out in turn: exact for a linear model, and a wrong place is seen."""
 
 import numpy as np
+import pytest
 
 from turnout.calibration.validation.prediction_bands import (
     ThrowScatter,
@@ -110,6 +111,17 @@ def test_a_value_that_one_place_alone_shows_keeps_that_place() -> None:
     forces, _, predicted = left_out(measured, np.zeros_like(measured), slopes)
     assert predicted.tolist() == [True] * 5 + [False]
     np.testing.assert_array_equal(forces[:, 5], 0.0)
+
+
+@pytest.mark.parametrize(("times", "enough"), [(10.0, True), (20.0, False)])
+def test_a_place_that_knows_nearly_all_is_not_predicted_from_the_others(
+    times: float, enough: bool
+) -> None:
+    """A slope t times as large at one of 6 movements leaves 5 / (t^2 + 5): 4.8 and 1.2 %."""
+    slopes = np.ones((1, 1, len(PLACES), 40))
+    slopes[:, :, 5] = times
+    predicted = left_out(np.zeros((1, len(PLACES), 40)), np.zeros((1, len(PLACES), 40)), slopes)[2]
+    assert predicted[5] == enough
 
 
 def test_missing_bins_say_nothing() -> None:

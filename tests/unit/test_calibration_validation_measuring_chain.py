@@ -2,16 +2,21 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import xarray as xr
-from tests.unit.calibrations import calibration
+from tests.unit.calibrations import calibration, fitted
 from tests.unit.test_calibration_fit import TRUE, movement, response
 
+from turnout.calibration.misfit import Misfit
 from turnout.calibration.result import load_calibration
 from turnout.calibration.validation.validate import (
+    Model,
     SharedBins,
     _failure,
+    _scatter,
     chain_directions,
     found_chain,
     of_chain,
@@ -78,3 +83,26 @@ def test_a_throw_that_fails_is_named_where_its_movement_is_predicted() -> None:
     # One that cannot be predicted at all says nothing of a value.
     unknown = np.stack([np.zeros((1, 3)), np.full((1, 3), np.nan)], axis=1)
     assert _failure(movements, unknown, row) == ""
+
+
+def test_without_repeats_throws_differ_as_expected() -> None:
+    """By the calibration's scatter, or 2 % of friction; by 1 % of a slip level; by 5 ms."""
+    items = [movement("m", rng=np.random.default_rng(0))]
+    grid, known = SharedBins.of(items), calibration()
+    names = ("chair.friction_coefficient", "drive.1.stiffness", "drive.1.saturation_force")
+    known = replace(known, parameters=tuple(fitted(name, 2.0, unit="1") for name in names))
+    forces = grid.predicted(items, [response(TRUE)], shifts=np.zeros(1))
+    model = Model(
+        thrown=cast("Misfit", SimpleNamespace(movements=items)),
+        grid=grid,
+        chain={},
+        shifts=np.zeros(1),
+        forces=forces,
+        slopes=np.stack([forces] * 3),
+        failures=("",) * 3,
+    )
+    for scatter, friction in (({}, 0.02), ({names[0]: 0.03}, 0.03)):
+        own = replace(known, scatter=scatter)
+        sizes, found = _scatter(model, grid.measured(items), own, [])
+        assert sizes == {names[0]: friction, names[2]: 0.01, "onset [s]": 0.005}
+        np.testing.assert_allclose(found.own[1], 0.01 * 2.0 * forces)

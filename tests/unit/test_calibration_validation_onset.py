@@ -56,6 +56,35 @@ def test_motors_that_lead_the_rods_are_no_error_of_the_model() -> None:
     assert not onset_shifts(even, [response()] * 2).any()
 
 
+@pytest.mark.parametrize(("late", "lead"), [(0.012, 0.0), (0.018, 0.018)])
+def test_a_lead_is_more_than_chance_leaves_of_onsets(late: float, lead: float) -> None:
+    """Currents mark each onset to 5 ms: three times that is none."""
+    found = onset_shifts([movement(late, clocked=True)] * 2, [response()] * 2)
+    assert found == pytest.approx(lead, abs=0.001)
+
+
+def test_a_mark_is_kept_where_forces_say_little() -> None:
+    """With E, the sum of (slope / 1 % of the peak)^2, E / (E + (50 ms)^-2) of it is found."""
+    moved = movement(0.04)
+    slow = 2000.0 + 10.0 * np.clip(TIME - 0.04, 0.0, None)
+    moved = replace(moved, signals=(replace(moved.signals[0], values=slow),))
+    model = replace(response(), drive_force={"1": 2000.0 + 10.0 * np.clip(CELLS - 1.0, 0.0, None)})
+    bins = int(np.sum((TIME > 0.0) & (TIME <= 3.0)))
+    evidence = bins * (10.0 / (0.01 * slow.max())) ** 2
+    expected = 0.04 * evidence / (evidence + 0.05**-2)
+    assert 0.002 < expected < 0.02
+    assert onset_shifts([moved], [model]) == pytest.approx(expected, rel=0.1)
+
+
+def test_an_object_that_is_touched_sooner_than_thought_says_nothing_of_the_onset() -> None:
+    loaded = movement(0.047, size=0.013)
+    sooner = loaded.signals[0].values + 3000.0 * np.clip(TIME - 1.46, 0.0, None)
+    spoiled = replace(loaded, signals=(replace(loaded.signals[0], values=sooner),))
+    # By the model it is touched 1.5 s after the onset, which is 47 ms after the mark.
+    found = onset_shifts([spoiled], [response(contact=2.5)])
+    assert found == pytest.approx(0.047, abs=0.003)
+
+
 def test_a_motor_current_is_believed() -> None:
     assert onset_shifts([movement(0.047, clocked=True)], [response()]) == 0.0
 

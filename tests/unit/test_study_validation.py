@@ -99,6 +99,30 @@ def test_without_repeats_expectations_count() -> None:
     assert (found.sizes[0], found.rest[0]) == (0.02, 3.0)
 
 
+def test_what_noise_hides_is_no_scatter_and_what_lasts_has_a_length() -> None:
+    """Of an expected 2 % that moves forces by 0.4 noises nothing is said; by 0.6 it is."""
+    rng = np.random.default_rng(3)
+    own = 0.1 * rng.standard_normal((1, 30, 1)) * np.ones((1, 30, 50))
+    for answer, size in ((0.4, 0.02), (0.6, 0.1)):
+        slope = np.full((1, 30, 50), answer / 0.02)
+        found = scatter_of(
+            own * slope, slope[None], [0.02], groups=[list(range(30))], noise=np.array([1.0])
+        )
+        assert found.sizes[0] == pytest.approx(size, rel=0.3)
+    # A rest that is the same in all instants decays in as many as are told apart.
+    found = scatter_of(
+        5.0 * own, 0.0 * own[None], [0.02], groups=[list(range(30))], noise=np.array([0.01])
+    )
+    assert found.decay[0] == pytest.approx(-1.0 / np.log(49 / 50), rel=0.05)
+
+
+def test_errors_of_features_are_shown_in_their_units() -> None:
+    made = hand_made()
+    for name, off in (("contact", 0.012), ("slope", 20.0), ("peak", -31.0), ("plateau", -0.3)):
+        made[f"{name}_predicted"] = made[f"{name}_measured"] + off
+    assert judge(made).channels[0].cells == ["+12 ± 0 ms", "+2 ± 0 %", "-31 ± 0 N", "+0 ± 0 N"]
+
+
 def test_a_good_prediction_is_accepted() -> None:
     verdict = judge(hand_made())
     assert verdict.accepted

@@ -241,8 +241,8 @@ def chain_directions(forces: Floats, grid: SharedBins, chain: Chain) -> Floats:
     return np.stack([*of_sources, clock * grid.time * later(forces), zero + 0.0 * forces])
 
 
-# Before the onset, and before the contact [s]; a part shorter than `LEAST` is not used.
-BEFORE, CLEARANCE, LEAST = 0.3, 0.1, 0.3
+# Left out before the contact [s]; a part that is then shorter than `LEAST` is not used.
+CLEARANCE, LEAST = 0.1, 0.3
 # A lead in all movements that is no chance [s].
 CLEAR_LEAD = LATE * KNOWN.clocked_onset
 # Share of the largest force that a model may miss without saying something of the onset [-].
@@ -305,7 +305,7 @@ def _shift(item: MeasuredMovement, response: Response) -> float:
     if response.failure or min(touched, item.length) < LEAST:
         return float("nan")
     for _ in range(2):
-        window = (-BEFORE, min(touched + shift, item.length))
+        window = (-np.inf, min(touched + shift, item.length))
         how = Comparison(noise=noise, channels=("drive_force",), window=window, uncertainty=known)
         shift = align(item, response, comparison=how, sensitivities={}).shift
     return shift
