@@ -123,7 +123,7 @@ STARTS = """
 import sys
 import turnout.throw.simulate
 print("turnout.throw.dataset" in sys.modules)
-import turnout.study.sweep.run, turnout.study.sweep.worker
+import turnout.study.sweep.run, turnout.study.sweep.worker, turnout.calibration.result
 print("xarray" in sys.modules, "pandas" in sys.modules)
 import turnout.calibration.calibrate, turnout.calibration.sensors
 import turnout.detection.detector.throw_verdict, turnout.detection.detector.trends

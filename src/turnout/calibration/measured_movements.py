@@ -168,17 +168,6 @@ def _recorder(row: xr.Dataset, key: str) -> Recorder:
     return replace(stated, rate=min(slow, default=0.0))
 
 
-def largest_force(movement: MeasuredMovement, drive: str) -> float:
-    """Return the largest force of a drive in a movement, 0 where none was measured [N]."""
-    values = [s.values for s in movement.signals if (s.channel, s.drive) == ("drive_force", drive)]
-    return float(np.nanmax(np.abs(values))) if values else 0.0
-
-
-def place_of(panel: LoadedPanel, place: str) -> float:
-    """Return the position of a place [m]; PanelError where there is none."""
-    return resolve_objects(panel, [ForeignObject(1e-6, place)])[-1].x
-
-
 def movement_length(panel: LoadedPanel, direction: str, *, trapped: bool) -> float:
     """Return the time from the onset in which a movement can be compared [s].
 

@@ -11,15 +11,20 @@ fit led campaigns of few movements to values that were wrong by many deviations.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turnout.calibration.measured_movements import MeasuredMovement, largest_force, place_of
 from turnout.core.errors import PanelError
 from turnout.core.problems import choices, nearest
+from turnout.panel.foreign_object import ForeignObject, resolve_objects
 from turnout.panel.load import LoadedPanel
 from turnout.panel.model import PANEL_KEYS
+
+if TYPE_CHECKING:
+    # A record that is read does not wait for what reads campaigns.
+    from turnout.calibration.measured_movements import MeasuredMovement
 
 Floats = NDArray[np.float64]
 TRANSFORMS = ("log", "linear", "share")
@@ -593,8 +598,8 @@ SAME_PLACE = 0.05
 
 
 def selected(
-    movements: Sequence[MeasuredMovement], selection: Selection, panel: LoadedPanel
-) -> tuple[MeasuredMovement, ...]:
+    movements: "Sequence[MeasuredMovement]", selection: Selection, panel: LoadedPanel
+) -> "tuple[MeasuredMovement, ...]":
     """Return the movements that a stage uses.
 
     Parameters
@@ -615,7 +620,7 @@ def selected(
         and (selection.objects != ANY or item.size > 0)
     ]
     if selection.place:
-        x = place_of(panel, selection.place)
+        x = resolve_objects(panel, [ForeignObject(1e-6, selection.place)])[-1].x
         found = [item for item in found if abs(item.x - x) <= SAME_PLACE]
     if selection.size is not None and found:
         wanted = selection.size
@@ -631,9 +636,13 @@ def selected(
     return tuple(found)
 
 
-def _hardest(movements: Sequence[MeasuredMovement], drive: str) -> int:
+def _hardest(movements: "Sequence[MeasuredMovement]", drive: str) -> int:
     """Return which movement has the largest force of a drive."""
-    return int(np.argmax([largest_force(item, drive) for item in movements]))
+    forces = [
+        [np.nanmax(np.abs(s.values)) for s in item.signals if s.drive == drive]
+        for item in movements
+    ]
+    return int(np.argmax([max(found, default=0.0) for found in forces]))
 
 
 # How well the thickness of an object and its place are known from a run sheet [m].
@@ -667,20 +676,20 @@ def shift_name(place: str = "") -> str:
     return f"{_KIND}{place}.{_PLACE}" if place else _KIND + _PLACE
 
 
-def common_unknowns(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
+def common_unknowns(movements: "Sequence[MeasuredMovement]") -> list[Parameter]:
     """Return what all objects of a campaign may be thicker by than its run sheet says [m]."""
     if not any(item.size > 0 for item in movements):
         return []
     return [known_to(thickness_name(), 0.0, THICKNESS, keys=())]
 
 
-def own_thicknesses(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
+def own_thicknesses(movements: "Sequence[MeasuredMovement]") -> list[Parameter]:
     """Return the difference of each size of object from the common one [m]."""
     sizes = sorted({item.size for item in movements if item.size > 0})
     return [known_to(thickness_name(size), 0.0, THICKNESS, keys=()) for size in sizes]
 
 
-def own_places(movements: Sequence[MeasuredMovement]) -> list[Parameter]:
+def own_places(movements: "Sequence[MeasuredMovement]") -> list[Parameter]:
     """Return the difference of each place of objects from the common one [m]."""
     places = dict.fromkeys(item.place for item in movements if item.size > 0)
     return [known_to(shift_name(place), 0.0, PLACE, keys=()) for place in places]
@@ -696,13 +705,13 @@ def is_thickness(name: str) -> bool:
     return name.endswith(_THICKNESS)
 
 
-def acts_on(parameter: Parameter, movement: MeasuredMovement) -> bool:
+def acts_on(parameter: Parameter, movement: "MeasuredMovement") -> bool:
     """Return whether a parameter of objects is of the one that a movement trapped."""
     own = (thickness_name(movement.size), shift_name(movement.place))
     return movement.size > 0 and parameter.name in (thickness_name(), shift_name(), *own)
 
 
-def object_change(movement: MeasuredMovement, values: Mapping[str, float]) -> tuple[float, float]:
+def object_change(movement: "MeasuredMovement", values: Mapping[str, float]) -> tuple[float, float]:
     """Return how much thicker, and further from the toe, the object of a movement is [m].
 
     Parameters
@@ -716,7 +725,7 @@ def object_change(movement: MeasuredMovement, values: Mapping[str, float]) -> tu
     return thicker, values.get(shift_name(), 0.0) + values.get(shift_name(movement.place), 0.0)
 
 
-def thrown_object(movement: MeasuredMovement, values: Mapping[str, float]) -> tuple[str, float]:
+def thrown_object(movement: "MeasuredMovement", values: Mapping[str, float]) -> tuple[str, float]:
     """Return place and size of the object of a movement at values; "none" and 0 without one [m]."""
     if not movement.size > 0:
         return movement.place, movement.size

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from turnout.calibration.comparison import align, predicted
 from turnout.calibration.evaluate import Response
 from turnout.calibration.fit import Fit, fit, update_movement_effects
+from turnout.calibration.linearisation import is_slip_level
 from turnout.calibration.measured_movements import (
     BIN,
     MeasuredMovement,
@@ -105,17 +106,15 @@ def _slip_levels(misfit: Misfit, values: Mapping[str, float]) -> dict[str, float
     """Return values with the largest measured force of each drive as its slip level."""
     changed = dict(values)
     for item in misfit.parameters:
-        for key in item.keys:
-            parts = key.split(".")
-            if len(parts) != 3 or parts[0] != "drive" or parts[2] != "saturation_force":
-                continue
+        if item.vary and is_slip_level(item):
+            drives = [key.split(".")[1] for key in item.keys]
             largest = [
                 float(np.nanmax(np.abs(signal.values)))
                 for movement in misfit.movements
                 for signal in movement.signals
-                if signal.channel == "drive_force" and signal.drive == parts[1]
+                if signal.drive in drives
             ]
-            if largest and item.vary:
+            if largest:
                 changed[item.name] = min(max(max(largest), item.lower), item.upper)
     return changed
 
