@@ -235,12 +235,12 @@ def behind_facts(panel: LoadedPanel, facts: Facts) -> dict[str, Any]:
     by_machines, lacking = None, any(drive.lost_motion for drive in panel.drive.values())
     if not lacking:
         by_machines = with_machines(facts, panel)
-    thrower, wanted = Thrower(panel, "quick", by_machines), (*facts.facts, *facts.answers)
+    thrower, wanted = Thrower(panel, by_machines), (*facts.facts, *facts.answers)
     shown = {name for column in (*OBJECTS, *SWITCH) for name in column.names}
     wanted = tuple(item for item in wanted if item in facts.facts or item.name in shown)
     if lacking:
         wanted = tuple(item for item in wanted if not item.name.startswith("h:"))
-    values = {item.name: thrower.sum(item, among=wanted) for item in wanted}
+    values = {item.name: thrower.sum(item) for item in wanted}
     missed = [f.name for f in facts.facts if f in wanted and not holds(f, values[f.name])]
     return {"facts": values, "missed": missed}
 

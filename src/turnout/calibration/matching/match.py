@@ -36,7 +36,6 @@ from turnout.calibration.matching.measures import MEASURES, Thrown
 from turnout.core.errors import FileError, PanelError, StudyError, TurnoutError
 from turnout.core.kept_results import append_line, claim_for, read_lines
 from turnout.core.progress import Pace, Report
-from turnout.core.scheme import Mode
 from turnout.core.threads import one_blas_thread
 from turnout.core.workers import Workers
 from turnout.panel.foreign_object import ForeignObject, parse_object
@@ -354,57 +353,38 @@ class Thrower:
     ----------
     panel : LoadedPanel
         Whose throws.
-    mode : str
-        Level of detail of the throws.
     by_machines : LoadedPanel, optional
         The same with drives that are machines, for measures of currents.
     """
 
     panel: LoadedPanel
-    mode: Mode = "quick"
     by_machines: LoadedPanel | None = None
     made: int = 0
     _values: dict[Term, float] = field(default_factory=dict)
-    _panels: dict[object, LoadedPanel] = field(default_factory=dict)
+    _thrown: dict[object, Thrown] = field(default_factory=dict)
 
-    def sum(self, wanted: Sum, *, among: tuple[Sum, ...] = ()) -> float:
-        """Return the value of a sum; throws that others of `among` need too are used for them."""
-        return sum(term.factor * self._value(term, among) for term in wanted.terms)
+    def sum(self, wanted: Sum) -> float:
+        """Return the value of a sum."""
+        return sum(term.factor * self._value(term) for term in wanted.terms)
 
-    def _value(self, term: Term, among: tuple[Sum, ...]) -> float:
+    def _value(self, term: Term) -> float:
         if term not in self._values:
-            panel = self._changed(term)
-            dataset = self._throw(panel, parse_object(term.object) if term.object else None)
-            thrown = Thrown(panel, dataset, lambda item: self._throw(panel, item))
-            for other in (term, *_of_same_throw(term, among)):
-                if other not in self._values:
-                    measure = MEASURES[other.measure]
-                    self._values[other] = measure.compute(thrown, other.of)
+            self._values[term] = MEASURES[term.measure].compute(self._of(term), term.of)
         return self._values[term]
 
-    def _changed(self, term: Term) -> LoadedPanel:
-        _, changes, by_machines = term.throw
-        panel = (self.by_machines if by_machines else None) or self.panel
-        if not changes:
-            return panel
-        if (changes, by_machines) not in self._panels:
-            made = panel.with_overrides(dict(changes), si=False)
-            self._panels[changes, by_machines] = made
-        return self._panels[changes, by_machines]
+    def _of(self, term: Term) -> Thrown:
+        """Return the throw that a measure is taken of."""
+        item, changes, by_machines = term.throw
+        if term.throw not in self._thrown:
+            panel = (self.by_machines if by_machines else None) or self.panel
+            panel = panel.with_overrides(dict(changes), si=False) if changes else panel
+            dataset = self._throw(panel, parse_object(item) if item else None)
+            self._thrown[term.throw] = Thrown(panel, dataset, partial(self._throw, panel))
+        return self._thrown[term.throw]
 
     def _throw(self, panel: LoadedPanel, item: ForeignObject | None) -> "xr.Dataset":
         self.made += 1
-        return simulate(panel, foreign_object=item, mode=self.mode, save=SAVE)
-
-
-def _of_same_throw(term: Term, among: tuple[Sum, ...]) -> list[Term]:
-    """Return the terms of some sums that the throw of a term gives as well, but costly ones."""
-    return [
-        other
-        for item in among
-        for other in item.terms
-        if other.throw == term.throw and MEASURES[other.measure].cost == 1
-    ]
+        return simulate(panel, foreign_object=item, mode="quick", save=SAVE)
 
 
 def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
@@ -420,7 +400,7 @@ def panel_at(facts: Facts, point: Floats) -> LoadedPanel:
     return as_written(facts.panel.with_overrides(facts.overrides(point)))
 
 
-def thrower_at(facts: Facts, point: Floats, mode: Mode = "quick") -> Thrower:
+def thrower_at(facts: Facts, point: Floats) -> Thrower:
     """Return the throws of the panel at a point of the unit cube, and of its machines.
 
     Raises
@@ -429,7 +409,7 @@ def thrower_at(facts: Facts, point: Floats, mode: Mode = "quick") -> Thrower:
         When its values contradict each other.
     """
     panel, values = panel_at(facts, point), facts.overrides(point, of_machines=True)
-    return Thrower(panel, mode, with_machines(facts, panel, values) if facts.machines else None)
+    return Thrower(panel, with_machines(facts, panel, values) if facts.machines else None)
 
 
 def with_machines(
@@ -455,9 +435,7 @@ def is_valid(facts: Facts, point: Floats) -> bool:
     return True
 
 
-def try_panel(
-    facts: Facts, point: Floats, *, failures: int | None = None, mode: Mode = "quick"
-) -> TriedPanel:
+def try_panel(facts: Facts, point: Floats, *, failures: int | None = None) -> TriedPanel:
     """Return the values of the facts for the panel at a point of the unit cube.
 
     Facts are tried in the order of the file, those that need fewer throws first, late ones last and
@@ -471,13 +449,11 @@ def try_panel(
         Shares of the ranges, 0 to 1.
     failures : int, optional
         Facts after whose failure the rest is not tried; default all that are not late are.
-    mode : {"quick", "waveform"}
-        Of the throws.
     """
     values, fault = np.full(len(facts.facts), np.nan), ""
     thrower: Thrower | None = None
     try:
-        thrower = thrower_at(facts, point, mode)
+        thrower = thrower_at(facts, point)
         for number, value in fact_values(facts, thrower, failures=failures):
             values[number] = value
     except TurnoutError as error:
@@ -500,10 +476,9 @@ def fact_values(
     failed = 0
     for late in (False, True):
         chosen = in_order(facts, late=late)
-        among = tuple(facts.facts[number] for number in chosen)
         allowed = 1 if late else failures or len(chosen)
         for number in chosen:
-            value = thrower.sum(facts.facts[number], among=among)
+            value = thrower.sum(facts.facts[number])
             failed += not holds(facts.facts[number], value)
             yield number, value
             if failed >= allowed:

@@ -414,9 +414,7 @@ def _surveyed(point: Floats) -> tuple[list[float], int]:
     facts = panel_facts()
     thrower, wanted = thrower_at(facts, point), (*facts.measurements, *facts.answers)
     values = [
-        _parameter(facts, point, item.parameter)
-        if item.parameter
-        else thrower.sum(item, among=wanted)
+        _parameter(facts, point, item.parameter) if item.parameter else thrower.sum(item)
         for item in wanted
     ]
     return values, thrower.made
