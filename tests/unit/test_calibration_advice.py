@@ -4,20 +4,23 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from tests.unit.test_calibration_fit import PARAMETERS, TRUE, alike, misfit, movement
+from tests.unit.test_calibration_fit import PARAMETERS, TRUE, MadeUp, alike, misfit, movement
 
 from turnout.calibration.advice import (
     SHARE,
     Candidate,
+    _candidates,
     _systematic_error,
     covariance_with,
     next_lines,
+    panel_doubt_lines,
 )
 from turnout.calibration.comparison import Uncertainty
 from turnout.calibration.covariance import spread_of
 from turnout.calibration.fit import Fit, fit
 from turnout.calibration.misfit import plain_gain_column
 from turnout.calibration.stages import prior_information
+from turnout.panel.load import load_panel
 
 
 @cache
@@ -66,6 +69,27 @@ def test_an_error_that_a_free_gain_takes_up_is_not_said_to_be_seen() -> None:
     assert "would change no value by more than 0.00" in text
     assert "the fit takes it for gauges of drive 1 +" in text
     assert "and the misfit stays low" in text
+
+
+def test_small_changes_are_not_listed_and_none_has_a_size() -> None:
+    """A tenth of the error of 1 % is; of nothing at all it is said how little could be."""
+    found = fitted(1)
+    text = _systematic_error(found, "x", -found.jacobian @ np.array([2e-3, 9e-4]))
+    assert text.startswith("x would change mu by +0.2 %, and")
+    nothing = _systematic_error(found, "x", 0.0 * found.residuals)
+    assert nothing.startswith("x would change no value by more than 0.001 %, and")
+    # Of what is stated of a panel a hundredth of a per cent is said.
+    columns = {"gravity": -found.jacobian @ np.array([3e-4, 5e-5])}
+    (line,) = panel_doubt_lines(found, columns, {"gravity": 0.01})
+    assert line == "gravity known to ± 1 %: moves mu by 0.03 %"
+
+
+def test_objects_as_in_the_published_test_and_twice_as_thick_are_advised() -> None:
+    whole = misfit(alike(1, seed=1))
+    whole.evaluator = MadeUp(load_panel("sb1"))
+    names = [item.name for item in _candidates(fit(whole, PARAMETERS, TRUE))]
+    assert names[0] == "closing, no object"
+    assert names[1:3] == ["closing, 13 mm at drive 1", "closing, 26 mm at drive 1"]
 
 
 def test_what_is_lost_among_all_residuals_is_no_misfit_that_shows() -> None:

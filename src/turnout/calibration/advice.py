@@ -135,11 +135,7 @@ def _systematic_error(found: Fit, what: str, column: Floats) -> str:
     rows = np.vstack([found.jacobian, priors])
     change = np.linalg.lstsq(rows, -np.concatenate([joined, 0.0 * priors[0]]), rcond=None)[0]
     left = float(np.linalg.norm(joined + found.jacobian @ change))
-    shares = {
-        item.name: move * item.slope(found.values[item.name]) / found.values[item.name]
-        for item, move in zip(found.parameters, change, strict=True)
-        if found.values[item.name] and not is_of_object(item)
-    }
+    shares = _as_shares(found, change)
     parts = [
         f"{name} by {100 * share:+.2g} %"
         for name, share in shares.items()
@@ -158,6 +154,15 @@ def _systematic_error(found: Fit, what: str, column: Floats) -> str:
     else:
         seen = f"but the misfit would show it {times}"
     return f"{what} {moved}, {seen}{f'; the fit takes it for {taken}' if taken else ''}"
+
+
+def _as_shares(found: Fit, change: Floats) -> dict[str, float]:
+    """Return a change of the coordinates as shares of the values that are not zero."""
+    return {
+        item.name: float(move * item.slope(found.values[item.name]) / found.values[item.name])
+        for item, move in zip(found.parameters, change, strict=True)
+        if found.values[item.name] and not is_of_object(item)
+    }
 
 
 def _taken_up(found: Fit, rest: Floats) -> str:
@@ -271,12 +276,9 @@ def panel_doubt_lines(
     """Say by how much stated uncertainties of a panel make the values uncertain."""
     lines = []
     for key, column in columns.items():
-        moves = {
-            item.name: abs(move * item.slope(found.values[item.name]) / found.values[item.name])
-            for item, move in zip(found.parameters, moves_by(found, column), strict=True)
-            if found.values[item.name] and not is_of_object(item)
-        }
-        parts = [f"{name} by {100 * size:.2g} %" for name, size in moves.items() if size > SAID]
+        moves = _as_shares(found, moves_by(found, column))
+        sizes = {name: abs(move) for name, move in moves.items()}
+        parts = [f"{name} by {100 * size:.2g} %" for name, size in sizes.items() if size > SAID]
         said = ", ".join(parts) or f"no value by more than {100 * SAID:g} %"
         lines.append(f"{key} known to ± {100 * shares[key]:g} %: moves {said}")
     return lines
