@@ -113,6 +113,17 @@ def test_without_an_object_free_movement_friction_can_be_fixed() -> None:
     check_campaign(observe(dataset, panel), fixed, panel, source="autumn")
 
 
+def test_a_rod_whose_force_changes_by_less_than_thirty_newtons_is_dead() -> None:
+    panel, forces = load_panel("sb1"), still(1)
+    forces[:, 1] = 40.0 * np.clip(TIME, 0.0, 1.0)
+    check_campaign(
+        observe(campaign(forces=forces), panel), default_plan(panel), panel, source="autumn"
+    )
+    dead = observe(campaign(forces=0.6 * forces), panel)
+    with pytest.raises(MeasurementError, match="drive 2: never moves"):
+        check_campaign(dead, default_plan(panel), panel, source="autumn")
+
+
 def test_a_calibration_that_is_none_is_refused_by_simulate(tmp_path: Path) -> None:
     (tmp_path / "x.toml").write_text("size = 1\n", encoding="utf-8")
     code, said = run_here("simulate", "sb1", "--calibration", "x.toml", folder=tmp_path)
