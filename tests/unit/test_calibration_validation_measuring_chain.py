@@ -40,7 +40,9 @@ def test_a_force_is_seen_through_gain_zero_and_clock() -> None:
     time, onset = made.time, made.onsets["closing"]
     slow = np.interp(onset + (time - onset) / 1.001, time, made.drive_force["1"])
     exact = grid.predicted([item], [replace(made, drive_force={"1": slow})], shifts=shifts)
-    np.testing.assert_allclose(seen, 1.012 * exact + 5.0, atol=1.0)
+    # Means of cells do not say where between them a kink is: the object is touched at 1.5 s.
+    smooth = np.abs(grid.time - 1.5) > 0.04
+    np.testing.assert_allclose(seen[..., smooth], 1.012 * exact[..., smooth] + 5.0, atol=0.1)
     assert np.abs(1.012 * exact + 5.0 - plain).max() > 60.0
     np.testing.assert_array_equal(through_chain([made], [item], grid, {}, shifts=shifts), plain)
     known = (chain_directions(plain, grid, CHAIN) ** 2).sum(axis=0)

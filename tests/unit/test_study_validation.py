@@ -123,6 +123,17 @@ def test_errors_of_features_are_shown_in_their_units() -> None:
     assert judge(made).channels[0].cells == ["+12 ± 0 ms", "+2 ± 0 %", "-31 ± 0 N", "+0 ± 0 N"]
 
 
+def test_what_cannot_be_predicted_is_not_covered() -> None:
+    """A movement of four that is not simulated leaves 75 % at most, and no error of its own."""
+    made = hand_made(band=300.0)
+    for name in ("predicted", "low", "high"):
+        made[name][:, 5] = np.nan
+    verdict = judge(made)
+    assert verdict.cover == pytest.approx(0.75)
+    assert verdict.channels[0].rms == pytest.approx(30.0, rel=0.7)
+    assert not verdict.accepted
+
+
 def test_a_good_prediction_is_accepted() -> None:
     verdict = judge(hand_made())
     assert verdict.accepted

@@ -121,16 +121,20 @@ class Rules:
         return cls(rows_of(part["measured"]), reach, part["repeat_spread"].values, least)
 
     def errors(self, predicted: Floats) -> tuple[Floats, Floats, float]:
-        """Return error [N] and coverage of each channel, NaN for none, and coverage of all."""
+        """Return error [N] and coverage of each channel, NaN for none, and coverage of all.
+
+        Instants without a prediction are not covered.
+        """
         off = predicted - self.measured
         known = np.isfinite(off)
         count = known.sum(axis=2)
         squares = np.where(known, off, 0.0) ** 2
         own = np.divide(squares.sum(axis=2), count, out=np.zeros(count.shape), where=count > 0)
         within = (known & (np.abs(off) <= self.reach)).sum(axis=(1, 2))
-        total, there = count.sum(axis=1), (count > 0).sum(axis=1)
+        total = np.isfinite(self.measured).sum(axis=(1, 2))
+        there = (count > 0).sum(axis=1)
         shares = [
-            np.divide(sums, over, out=np.full(len(sums), np.nan), where=total > 0)
+            np.divide(sums, over, out=np.full(len(sums), np.nan), where=over > 0)
             for sums, over in ((own.sum(axis=1), there), (within, total))
         ]
         return np.sqrt(shares[0]), shares[1], float(within.sum() / total.sum())

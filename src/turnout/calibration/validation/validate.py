@@ -331,6 +331,8 @@ class Model:
         Of these with each fitted value [N over its unit].
     failures : tuple of str
         Why a throw for one of these slopes failed; empty for none.
+    failed : tuple of str
+        Movements that cannot be simulated at the calibrated values, and why.
     """
 
     thrown: Misfit
@@ -340,6 +342,7 @@ class Model:
     forces: Floats
     slopes: Floats
     failures: tuple[str, ...]
+    failed: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -379,6 +382,7 @@ class Model:
             forces=seen[0],
             slopes=np.array(slopes).reshape(len(fitted), *seen[0].shape),
             failures=tuple(_failure(movements, seen[0], row) for row in aside),
+            failed=tuple(failed),
         )
 
     def made(
@@ -566,7 +570,7 @@ def validate(
         attrs={
             **_origin(dataset, panel, calibration),
             "scatter": json.dumps({**names, "repeats": sum(map(len, groups))}),
-            "left_out": json.dumps([*excluded_movements(dataset), *oversized]),
+            "left_out": json.dumps([*excluded_movements(dataset), *oversized, *model.failed]),
             "chain": "" if chain or not calibration.chain else OTHER_CHAIN,
         },
     )
