@@ -188,21 +188,23 @@ def many(*, seed: int) -> Misfit:
     return whole
 
 
-def many_off(seed: int, share: float) -> float:
-    """Return how far the value that is furthest off is, in its stated deviations."""
+def many_off(seed: int, share: float) -> Floats:
+    """Return how far each of the values is off, in its stated deviations."""
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], len(MANY))
     pairs = zip(TRUTH.items(), signs, strict=True)
     found = fit(many(seed=seed), MANY, {name: x * (1.0 + share * s) for (name, x), s in pairs})
     assert found.converged
     errors = [found.values[item.name] - TRUTH[item.name] for item in MANY]
-    return float(np.abs(np.array(errors) / spread_of(found).deviations).max())
+    return np.abs(np.array(errors) / spread_of(found).deviations)
 
 
 def test_waves_do_not_hold_a_fit_of_ten_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    starts = [(seed, share) for seed in (3, 4) for share in (0.02, 0.04)]
-    assert max(many_off(*start) for start in starts) < 2.8
+    starts = [(seed, share) for seed in range(3, 8) for share in (0.02, 0.04)]
+    errors = np.concatenate([many_off(*start) for start in starts])
+    assert np.mean(errors < 1.96) > 0.9
+    assert np.sqrt(np.mean(errors**2)) < 1.0
     monkeypatch.setattr("turnout.calibration.fit.SMOOTH_PASSES", 0)
-    assert max(many_off(*start) for start in starts) > 8.0
+    assert max(many_off(*start).max() for start in starts[:4]) > 8.0
 
 
 def test_values_that_are_hardly_known_together_are_thrown_further_aside() -> None:
