@@ -332,9 +332,9 @@ class LoadedPanel(Panel):
         str
             The same for all panels that differ in these alone.
         """
-        if self._base is not None and not self._differing(fields):
-            return self._base.digest_without(fields)
         known = self._own.digests
+        if fields not in known and self._base is not None and not self._differing(fields):
+            known[fields] = self._base.digest_without(fields)
         if fields not in known:
             matrices = {f"matrices of {name}": m.digest for name, m in self.matrices.items()}
             known[fields] = content_hash(self._digests_without(fields) | matrices)
@@ -346,7 +346,11 @@ class LoadedPanel(Panel):
 
     def _differing(self, fields: frozenset[tuple[str, str]]) -> set[str]:
         """Return the parts of which more than some fields differ from the panel it was made of."""
-        return {part for part, field in self._differs if not {(part, field), (part, "")} & fields}
+        return {
+            part
+            for part, field in self._differs
+            if (part, field) not in fields and (part, "") not in fields
+        }
 
     def _digests_without(self, fields: frozenset[tuple[str, str]]) -> dict[str, str]:
         """Return digests of all parts, those of unchanged parts from the panel before.

@@ -13,9 +13,10 @@ follows from those of the others. Only *leading* rows need columns of their own.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -410,6 +411,11 @@ class CondensedRails:
     n_coordinates: int
     row_stiffness: Floats
     alone: bool
+
+    @cached_property
+    def kept(self) -> dict[Hashable, Any]:
+        """Results for these rails and the places of their objects, by the key of what asks."""
+        return {}
 
     @cached_property
     def model(self) -> ModalModel:

@@ -338,11 +338,14 @@ def with_rows(model: ModalModel, added: AddedRows) -> ModalModel:
     >>> bool(np.allclose(found.flexibility, both.flexibility, rtol=1e-14))
     True
     """
-    beside = added.beside
+    count, size = model.row_load.size, model.row_load.size + added.load.size
+    flexibility = np.empty((size, size))
+    flexibility[:count, :count], flexibility[count:, count:] = model.flexibility, added.among
+    flexibility[count:, :count], flexibility[:count, count:] = added.beside, added.beside.T
     return replace(
         model,
         row_modes=np.concatenate((model.row_modes, added.modes)),
-        flexibility=np.block([[model.flexibility, beside.T], [beside, added.among]]),
+        flexibility=flexibility,
         residual_shapes=np.hstack((model.residual_shapes, added.shapes.T)),
         row_load=np.concatenate((model.row_load, added.load)),
     )

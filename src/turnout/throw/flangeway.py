@@ -21,7 +21,7 @@ from turnout.panel.model import Panel
 from turnout.panel.profile import contact_height, running_edge_distance
 from turnout.solver.condense import BlockModel
 from turnout.throw.gap_history import DistanceColumns, lessen_distances
-from turnout.throw.gaps import gap_rows
+from turnout.throw.gaps import gap_rows, gaps_key
 from turnout.throw.recovery import (
     Bound,
     Motion,
@@ -316,9 +316,8 @@ def _known_rails(panel: Panel, motion: Motion, of: Sequence[EndDistance]) -> _Kn
 
     None where the panel does not say what these take.
     """
-    shaped = panel.digest_of("rail", "stock_rail", "stop", "stud", "object_defaults", "gauge")
     named = [motion.shapes, *core_blocks(motion.condensed)]
-    values = (panel.instrumented_rail, shaped, *[distance.name for distance in of])
+    values = (*gaps_key(panel), *[distance.name for distance in of])
     return _known.get(named, values, lambda: (_make_known_rails(panel, motion, of),))[0]
 
 

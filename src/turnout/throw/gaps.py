@@ -136,10 +136,11 @@ def gap_places(panel: Panel) -> list[GapPlace]:
 
 
 def gaps_key(panel: Panel) -> tuple[Hashable, ...]:
-    """Return a key of all that gaps and their places follow from beside the rails of a run."""
+    """Return a key of all that gaps, gauge and their places follow from beside rails of a run."""
     # drives by their places: a study may vary what they are with each throw
     at = tuple([(name, item.x, item.height) for name, item in panel.drive.items()])
-    shaped = panel.digest_of("rail", "stock_rail", "stop", "stud", "sensor", "object_defaults")
+    families = ("rail", "stock_rail", "stop", "stud", "sensor", "object_defaults", "gauge")
+    shaped = panel.digest_of(*families)
     return panel.instrumented_rail, at, shaped
 
 
@@ -241,10 +242,14 @@ def watched_gaps(panel: Panel, mechanism: Mechanism) -> Callable[[CondensedRails
         return SeenRows(*(_frozen(part) for part in parts)), rest
 
     def seen(condensed: CondensedRails) -> SeenRows:
-        shapes, core = condensed_shapes(mechanism, condensed), core_blocks(condensed)
-        values = (*key, condensed.row_stiffness.size)
-        found, rest = _watched.get([*core, *named], values, lambda: made(shapes))
-        return replace(found, of_objects=-object_shapes(shapes, rest))
+        known: SeenRows | None = condensed.kept.get(key)
+        if known is None:
+            shapes, core = condensed_shapes(mechanism, condensed), core_blocks(condensed)
+            values = (*key, condensed.row_stiffness.size)
+            found, rest = _watched.get([*core, *named], values, lambda: made(shapes))
+            known = replace(found, of_objects=-object_shapes(shapes, rest))
+            condensed.kept[key] = known
+        return known
 
     return seen
 
