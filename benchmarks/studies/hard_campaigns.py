@@ -16,7 +16,8 @@ weighted by their normal force while the rail slides, a slip level the mean over
 stiffness of a bushing the slope beyond its soft zone. For each case the table has error, interval,
 whether it covers, the verdict and the causes that are named; `--write` puts it on the page, in a
 part of its group and seed (`hard-N`, `hard-further-N`), whose words around it are written by hand.
-Cases that name chairs, sections or fastenings of `sb1` (chairs, sections, longer) need that panel.
+Cases that name chairs, sections or fastenings of `sb1` (chairs, sections, longer) need that panel,
+and those with tables of a bushing (bushing, play, knee) one whose drives slip with 10 kN/m as well.
 With `--out` a run that was stopped goes on, and one that is whole is only written: delete a
 `-result.json` to calibrate its case again.
 """
