@@ -29,7 +29,7 @@ class Watched:
         monotonic = iter(clock).__next__
         patch.setattr("turnout.calibration.calibrate.time", SimpleNamespace(monotonic=monotonic))
         self.states: list[CalibrationProgress] = []
-        self.evaluator: Any = SimpleNamespace(made=0, reused=0, work=0.0)
+        self.evaluator: Any = SimpleNamespace(made=0, work=0.0, spared=0.0)
         self.watch = ProgressReporter(self.states.append, 1, **plan)
 
     def left(self, work: float) -> float:
@@ -55,6 +55,18 @@ def test_time_left_follows_the_present_pace_and_what_was_needed_beyond_the_plan(
     stage.left(700.0)
     assert stage.left(800.0) == pytest.approx(0.1 * 98)
     assert stage.left(1200.0) == pytest.approx(0.1 * 400)
+
+
+def test_time_left_and_that_of_a_search_count_the_pace_of_made_throws_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With 900 of 1000 kept, ten times as many as were made seemed to be left in the same time."""
+    stage = Watched(monkeypatch, (20.0, 20.0, 20.0), planned=1100, per_step=40, began=10.0)
+    stage.evaluator.spared = 1000.0
+    assert stage.left(1000.0) == float("inf")
+    stage.evaluator.spared = 900.0
+    assert stage.left(1000.0) == pytest.approx(100 * 10.0 / 100.0)
+    assert stage.watch.time_of(2, stage.evaluator) == pytest.approx(2 * WORK["plain"] * 0.1)
 
 
 def test_advice_counts_its_own_throws(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,13 +102,17 @@ def test_time_left_is_not_said_of_the_first_throws() -> None:
 
 def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes more throws than all stages before, which said "about 10 s" all the while."""
-    whole = Watched(monkeypatch, (10.0, 20.0, 21.0), planned=110, per_step=40, began=10.0)
+    clock = (10.0, 20.0, 28.0, 35.0)
+    whole = Watched(monkeypatch, clock, planned=110, per_step=40, began=10.0)
     whole.left(100.0)
     found = fit(misfit(alike(3, seed=3)), PARAMETERS, TRUE)
     throws = work_of_search(found, load_panel("sb1"))
     assert throws > 3 * 40
     whole.watch.more(throws, whole.evaluator)
     assert whole.left(100.0) == pytest.approx(0.1 * (40 + throws))
+    # All of the search says how fast it goes, and none of the stages before.
+    whole.left(300.0)
+    assert whole.left(400.0) == pytest.approx(25.0 / 300.0 * (40 + throws - 300))
 
 
 def test_the_limit_is_over_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,7 +131,7 @@ def test_the_time_of_a_search_follows_from_that_of_throws(monkeypatch: pytest.Mo
     stage.evaluator.made, stage.evaluator.work = 40, 50.0
     time = stage.watch.time_of(100, stage.evaluator)
     assert time == pytest.approx(100 * WORK["plain"] * 10.0 / 50.0)
-    stage.evaluator.reused, stage.evaluator.work = 40, 100.0
+    stage.evaluator.spared, stage.evaluator.work = 50.0, 100.0
     assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(time)
     stage.watch.limit = 15.0
     assert stage.watch.time_of(100, stage.evaluator) == pytest.approx(5.0)

@@ -90,8 +90,13 @@ JOINING_THROWS = 3
 OBJECT_SLOPES = 1
 # Share of slopes that are thrown: slip levels that are not reached have none.
 THROWN_SLOPES = 0.7
-# Work over which the present pace is taken, in quick throws: that of the machine may change.
-PACE_WORK = 100.0
+# Work over which the present pace is taken, in quick throws and as a share of all so far: that of
+# the machine may change, and fits take time between throws.
+PACE_WORK, PACE_SHARE = 100.0, 0.09
+# Fits of a search with one cause, each with slopes of its own: without it, with it, and to the end.
+SEARCH_FITS = 3
+# Throws, for each movement, that fits begun before a search is ended and two ends take at most.
+LAST_THROWS = 200
 # Movements that advice usually looks at.
 CANDIDATES = 8
 
@@ -116,8 +121,9 @@ class CalibrationProgress:
         Root mean square of the residuals over their expected size; NaN before the first.
     seconds, left : float
         Since the start, and left by the throws that are usually needed, each kind with its share
-        of processor time, at the slower of the mean and the present pace; where more were needed
-        already, as much again as these took, and at least one more step [s].
+        of processor time, at the present pace of those that are made; where more were needed
+        already, as much again as these took, and at least one more step; infinite where all were
+        kept from before, so that nothing is known [s].
     verdict : str
         Whether the first fit follows, and what is done next; empty before it.
     """
@@ -188,14 +194,13 @@ def work_per_step(
 def work_of_search(found: Fit, panel: LoadedPanel) -> float:
     """Return the work of a search for one cause of a misfit, with its fit [quick throws].
 
-    Each cause that changes the panel is thrown at all its sizes; the likeliest one is fitted with
-    slopes of its own, and then with all values to the end.
+    Each cause that changes the panel is thrown at all its sizes, and `SEARCH_FITS` fits follow.
     """
     count, tries = len(found.parameters), 0
     for cause in candidate_causes(panel, found.parameters, found.misfit.movements):
         if cause.shape is None:
             tries += len(cause.parameters) if cause.smooth else max(len(cause.tries), 1)
-    each = tries + CAUSE_STEPS + 2 * WORK["plain"] * (count + 2)
+    each = tries + SEARCH_FITS * (CAUSE_STEPS + 2 * WORK["plain"] * (count + 2))
     return len(found.misfit.movements) * each
 
 
@@ -216,6 +221,8 @@ class ProgressReporter:
     began: float = 0.0
     pace: float = 0.0
     marked: tuple[float, float] = (0.0, 0.0)
+    latest: tuple[float, float] = (0.0, 0.0)
+    searching: bool = False
     limit: float = float("inf")
     verdict: str = ""
 
@@ -227,11 +234,9 @@ class ProgressReporter:
             raise TimeIsUp
         if self.report is None:
             return
-        seconds, work = time.monotonic() - self.began, max(evaluator.work, 1.0)
-        if work - self.marked[1] >= PACE_WORK:
-            self.pace = (seconds - self.marked[0]) / (work - self.marked[1])
-            self.marked = (seconds, work)
-        pace = max(seconds / work, self.pace)
+        seconds = time.monotonic() - self.began
+        pace = self._paces(seconds, evaluator)[-1]
+        left = pace * max(abs(self.planned - evaluator.work), self.per_step)
         self.report(
             CalibrationProgress(
                 stage=self.stage,
@@ -240,31 +245,44 @@ class ProgressReporter:
                 evaluations=evaluator.made,
                 misfit=self.misfit,
                 seconds=seconds,
-                left=min(pace * max(abs(self.planned - work), self.per_step), self.limit - seconds),
+                left=min(left, self.limit - seconds),
                 verdict=self.verdict,
             )
         )
 
+    def _paces(self, seconds: float, evaluator: Evaluator) -> tuple[float, float]:
+        """Return the time that made throws took for each quick one: in the mean, and lately [s]."""
+        made = evaluator.work - evaluator.spared
+        self.latest = (seconds, made)
+        if made <= 0.0:
+            return float("inf"), float("inf")
+        if made - self.marked[1] >= max(PACE_WORK, 0.0 if self.searching else PACE_SHARE * made):
+            self.pace = (seconds - self.marked[0]) / (made - self.marked[1])
+            self.marked = self.marked if self.searching else self.latest
+        mean = seconds / made
+        return mean, self.pace or mean
+
     def begin_advice(self, final: Fit, evaluator: Evaluator) -> None:
         """Note that advice about a fit comes after the stages."""
-        self.stage, self.per_step = "advice", WORK["plain"]
+        self.stage, self.per_step, self.searching = "advice", WORK["plain"], False
         further = advice_work(len(final.misfit.movements), len(final.parameters))
         self.planned = evaluator.work + further
 
     def more(self, work: float, evaluator: Evaluator) -> None:
-        """Plan more work than is still planned, such as a search for causes [quick throws]."""
+        """Plan a search for causes beyond what is still planned [quick throws].
+
+        Its throws are of other kinds than those before: the pace is taken over all of it.
+        """
         self.planned = max(self.planned, evaluator.work + self.per_step) + work
+        self.marked, self.searching = self.latest, True
 
     def time_of(self, throws: int, evaluator: Evaluator) -> float:
-        """Return the time that so many plain throws take at the slower pace, the limit at most.
+        """Return the time that so many plain throws take at the slower of the mean and late pace.
 
-        Those that were kept from before took none: infinite with none made so far [s].
+        The limit at most; infinite with no throw made so far [s].
         """
         spent = time.monotonic() - (self.began or time.monotonic())
-        if not evaluator.made:
-            return float("inf")
-        work = evaluator.work * evaluator.made / throws_done(evaluator)
-        pace = max(spent / work, self.pace)
+        pace = max(self._paces(spent, evaluator))
         return max(min(throws * WORK["plain"] * pace, self.limit - spent), 0.0)
 
     def found(self, misfit: float) -> None:
@@ -564,7 +582,8 @@ class _Run:
             return self.best[0].found, self.best[0].ended(self.best[0].found)
 
     def _say_whether_it_follows(self, found: Fit) -> None:
-        most = self.watch.time_of(MOST_THROWS * len(found.misfit.movements), self.evaluator)
+        throws = (MOST_THROWS + LAST_THROWS) * len(found.misfit.movements)
+        most = self.watch.time_of(throws, self.evaluator)
         self.watch.verdict = first_verdict(found, causes=self.causes, most=most)
 
     def _first(self, near: Fit, start: Misfit) -> tuple[Misfit, Fit]:

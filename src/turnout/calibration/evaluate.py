@@ -118,6 +118,8 @@ class Evaluator:
         Throws simulated, and taken from the folder.
     work : float
         Processor time of all these, in quick throws.
+    spared : float
+        The part of it that throws from the folder would have taken.
     """
 
     panel: LoadedPanel
@@ -130,6 +132,7 @@ class Evaluator:
     made: int = 0
     reused: int = 0
     work: float = 0.0
+    spared: float = 0.0
     _known: "OrderedDict[str, Response]" = field(default_factory=OrderedDict)
     _running: ExitStack = field(default_factory=ExitStack)
     _processes: Workers = field(default_factory=lambda: Workers(0))
@@ -171,6 +174,7 @@ class Evaluator:
                 self._known[key] = stored
                 self.reused += 1
                 self.work += WORK[throw.kind]
+                self.spared += WORK[throw.kind]
         for key, response in self._made(missing):
             self._write(key, response)
             self._known[key] = response
