@@ -419,6 +419,22 @@ def test_of_several_choices_the_one_of_most_evidence_is_taken(
     assert taken(50.0, 40.0) == []
 
 
+def test_a_choice_that_is_a_trifle_has_no_fit_with_a_lead(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its parameters were missed in the fit that went on: a KeyError of a place."""
+    start, _, tried = fitted_alone
+
+    def without_any(_: Fit, some: object, first: Misfit | None = None) -> float:
+        assert first is None, some
+        return 100.0
+
+    monkeypatch.setattr(causes, "evidence", without_any)
+    monkeypatch.setattr(Cause, "is_slight_in", lambda *_: True)
+    assert _fitted_choices(start, start.misfit, choices_of(50.0), lambda: False) == []
+    assert tried == ["first"]
+
+
 @pytest.mark.parametrize("doubted", [False, True])
 def test_those_alike_are_fitted_where_sizes_make_up_for_the_shape_of_another(
     fitted_alone: tuple[Fit, dict[str, float], list[str]], *, doubted: bool

@@ -418,9 +418,11 @@ def _fitted_choices(
             kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
             if kept and len(kept) < len(choice):
                 again = _fitted_with(found, first, kept)
+            if not kept:
+                return
             causes = [item.cause for item in kept]
             size = evidence(again, causes, reduce(with_cause, causes, first))
-            if kept and size < least - DECISIVE:
+            if size < least - DECISIVE:
                 fitted.append(FittedChoice(found=again, choice=kept, evidence=size))
                 fitted.sort(key=lambda item: item.evidence)
 
