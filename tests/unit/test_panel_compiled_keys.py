@@ -150,6 +150,11 @@ def test_panels_that_differ_in_fields_that_do_not_matter_have_one_digest() -> No
     assert copied.digest_without(fields) != of_panel
 
 
+def reordered(panel: LoadedPanel, family: str) -> LoadedPanel:
+    members = dict(reversed(list(getattr(panel, family).items())))
+    return panel.model_copy(update={family: members})
+
+
 def test_results_of_the_movements_are_found_for_copies_of_a_panel() -> None:
     panel, instants = load_panel("sb1"), np.linspace(0.0, 1.0, 11)
     made = marker_inputs(panel, instants)
@@ -157,10 +162,29 @@ def test_results_of_the_movements_are_found_for_copies_of_a_panel() -> None:
     for same in (softer, deepcopy(panel), pickle.loads(pickle.dumps(panel)), load_panel("sb1")):
         assert same.digest_of("movement", "schedule") == panel.digest_of("movement", "schedule")
         assert np.shares_memory(marker_inputs(same, instants.copy()), made)
+    assert panel.key_of("movement", "sensor") != reordered(panel, "movement").key_of(
+        "movement", "sensor"
+    )
     slower = panel.with_overrides({"movement.return.duration": 2.5})
     assert slower.digest_of("movement") != panel.digest_of("movement")
     assert slower.digest_of("schedule") == panel.digest_of("schedule")
     assert not np.shares_memory(marker_inputs(slower, instants), made)
+
+
+def test_positions_behind_a_lock_are_those_of_the_rail_of_each_drive() -> None:
+    half = {f"rail.{rail}.stress_free": 0.5 for rail in ("straight", "curved")}
+    panel = load_panel("60e1-300-1-9-clamp-lock", overrides={**half, "drive.lost_motion": "20 mm"})
+    crossed = panel.with_overrides({"drive.1.rail": "curved", "drive.2.rail": "straight"})
+    instants = np.linspace(0.0, 2.0, 41)
+    one, other = marker_inputs(panel, instants), marker_inputs(crossed, instants)
+    assert np.abs(other - one).max() > 0.019
+
+
+def test_a_copy_with_other_values_has_a_hash_of_its_own() -> None:
+    panel = load_panel("sb1")
+    known = panel.hash
+    assert reordered(panel, "movement").hash == known
+    assert panel.model_copy(update={"gravity": 9.0}).hash != known
 
 
 def test_panels_of_equal_values_are_equal_however_they_were_made() -> None:

@@ -235,3 +235,16 @@ def test_rows_of_which_nothing_is_known_are_nan_and_no_zero_is_negative() -> Non
     found = over_time(sums_of_columns("g", [[0], [], [1]], sign=-1.0), g=np.zeros((70, 2)))
     assert np.isnan(found[1]).all()
     assert not np.signbit(found[[0, 2]]).any()
+
+
+def test_results_of_a_panel_that_lists_its_members_in_another_order_are_its_own() -> None:
+    panel = load_panel("60e1-300-1-9")
+    turned = {
+        name: dict(reversed(list(getattr(panel, name).items())))
+        for name in ("rail", "sensor", "stop", "chair")
+    }
+    other = panel.model_copy(update=turned)
+    first, second = simulate(panel, mode="quick"), simulate(other, mode="quick")
+    for name in ("sensor_gap", "gap", "chair_normal_force", "stop_force", "drive_force"):
+        wanted, found = first[name].values, second[name].reindex_like(first[name]).values
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6 * np.nanmax(np.abs(wanted)))

@@ -195,7 +195,7 @@ class _Frame:
     kept: "LRUCache[_Kept]"
     varied: "LRUCache[_Kept]"
     begun: "LRUCache[_Varied]"
-    layouts: dict[tuple[str, ...], LawLayout] = field(default_factory=dict)
+    layouts: LRUCache[LawLayout]
 
     def rails_of(self, variation: Variation, panel: Panel) -> list[RailData]:
         """Return the rails of a variation, whose fastenings are those of a panel."""
@@ -472,10 +472,11 @@ def _put_objects(
     rows = np.array([approach_row(own, bodies) for own in ends])
     rows.flags.writeable = False
     yields = tuple([_yields(own, kept, bodies, varied=nominal is not None) for own in ends])
-    names, layouts = tuple([item.name for item in objects]), kept.frame.layouts
-    if names not in layouts:
-        layouts[names] = kept.frame.layout.with_objects(names)
-    return _Placed(linear, layouts[names], rows, yields, tuple(nodes))
+    names, frame = tuple([item.name for item in objects]), kept.frame
+    layout = frame.layouts.get(names)
+    if layout is None:
+        layout = frame.layouts.put(names, frame.layout.with_objects(names))
+    return _Placed(linear, layout, rows, yields, tuple(nodes))
 
 
 def _yields(
@@ -505,8 +506,8 @@ def _made_frame(
     rails = tuple(_rail_data(panel, rows, objects))
     # about ten megabytes each; varied ones hold little
     kept, varied = LRUCache[_Kept](12), LRUCache[_Kept](4)
-    begun = LRUCache[_Varied](MOST_VARIED)
-    return _Frame(layout, rails, variation_of(panel).holds, kept, varied, begun)
+    begun, layouts = LRUCache[_Varied](MOST_VARIED), LRUCache[LawLayout](16)
+    return _Frame(layout, rails, variation_of(panel).holds, kept, varied, begun, layouts)
 
 
 def _made_kept(panel: Panel, frame: _Frame, data: Sequence[RailData]) -> _Kept:

@@ -174,8 +174,8 @@ def drive_machines(panel: Panel, index: LawIndex) -> DriveMachines | None:
         return None
     laws = np.array([index.drive[name] for name in names], dtype=np.int64)
     key = (
-        panel.digest_of("movement", "machine", "schedule"),
-        *(*panel.drive.values(), *panel.rail.values(), laws.tobytes()),
+        panel.key_of("movement", "machine", "schedule"),
+        *(*panel.drive.items(), *panel.rail.items(), laws.tobytes()),
     )
     return _made.get(key) or _made.put(key, _fitted_machines(panel, names, laws))
 

@@ -51,7 +51,7 @@ def largest_opening(panel: Panel, rail: str, x: float) -> float | None:
         for drive in panel.drive.values()
     )
     # drives, whose stiffness often varies, by what counts of them
-    key = panel.digest_of("rail", "link", "fastening", "schedule", "movement"), ways, rail, x
+    key = panel.key_of("rail", "link", "fastening", "schedule", "movement"), ways, rail, x
     known = _openings.get(key) or _openings.put(key, (_largest_opening(panel, rail, x),))
     return known[0]
 

@@ -372,6 +372,7 @@ class LoadedPanel(Panel):
         """Return a copy, which knows nothing of the panel that it was made from."""
         copied = super().model_copy(update=update, deep=deep)
         copied._base, copied._differs, copied._own = None, frozenset(), _Own()
+        copied._hash = ""
         return copied
 
     def __getstate__(self) -> dict[Any, Any]:

@@ -117,10 +117,13 @@ def prior_positions(panel: Panel, movement: Movement, time: npt.ArrayLike) -> Fl
 def motion_key(panel: Panel) -> tuple[Hashable, ...]:
     """Return a key of all that positions of markers follow from, by its values."""
     ways = [
-        (name, drive.stroke, drive.over_travel_open, drive.over_travel_closed, drive.lost_motion)
+        (
+            *(name, drive.stroke, drive.over_travel_open, drive.over_travel_closed),
+            *(drive.lost_motion, panel.rail[drive.rail].closes),
+        )
         for name, drive in panel.drive.items()
     ]
-    return panel.digest_of("movement", "schedule"), *ways
+    return panel.key_of("movement", "schedule"), *ways
 
 
 def marker_positions(panel: Panel, time: npt.ArrayLike) -> FloatArray:

@@ -5,6 +5,7 @@ positive in the closing direction of the instrumented switch rail, x runs from t
 from the rail foot. Families such as `chair` map a name to a record; names are strings.
 """
 
+from collections.abc import Hashable
 from typing import Any, Literal
 
 from pydantic import BaseModel, Field
@@ -181,6 +182,15 @@ class Panel(Record):
             name: common if drive.gap_limit is None else drive.gap_limit
             for name, drive in self.drive.items()
         }
+
+    def key_of(self, *parts: str) -> tuple[Hashable, ...]:
+        """Return a key of some fields, by their values and by the order of the members of families.
+
+        Results that name no member may be kept by it, such as rows in the order of "sensor".
+        """
+        families = [getattr(self, name) for name in parts]
+        order = [tuple(family) for family in families if isinstance(family, dict)]
+        return self.digest_of(*parts), *order
 
     def digest_of(self, *parts: str) -> str:
         """Return a content hash of some fields, such as "movement" and "schedule"."""

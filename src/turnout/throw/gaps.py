@@ -140,7 +140,7 @@ def gaps_key(panel: Panel) -> tuple[Hashable, ...]:
     # drives by their places: a study may vary what they are with each throw
     at = tuple([(name, item.x, item.height) for name, item in panel.drive.items()])
     families = ("rail", "stock_rail", "stop", "stud", "sensor", "object_defaults", "gauge")
-    shaped = panel.digest_of(*families)
+    shaped = panel.key_of(*families)
     return panel.instrumented_rail, at, shaped
 
 
