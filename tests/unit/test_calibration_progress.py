@@ -102,7 +102,7 @@ def test_time_left_is_not_said_of_the_first_throws() -> None:
 
 def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes more throws than all stages before, which said "about 10 s" all the while."""
-    clock = (10.0, 20.0, 28.0, 35.0)
+    clock = (10.0, 20.0, 28.0, 35.0, 40.0, 41.0)
     whole = Watched(monkeypatch, clock, planned=110, per_step=40, began=10.0)
     whole.left(100.0)
     found = fit(misfit(alike(3, seed=3)), PARAMETERS, TRUE)
@@ -112,7 +112,13 @@ def test_a_search_for_causes_is_in_the_time_left(monkeypatch: pytest.MonkeyPatch
     assert whole.left(100.0) == pytest.approx(0.1 * (40 + throws))
     # All of the search says how fast it goes, and none of the stages before.
     whole.left(300.0)
-    assert whole.left(400.0) == pytest.approx(25.0 / 300.0 * (40 + throws - 300))
+    assert whole.left(400.0) == pytest.approx(25.0 / 300.0 * max(40 + throws - 300, 300))
+    # One that goes on beyond it is not about to end; the fit to the end then has a plan of its own.
+    assert whole.left(1100.0) == pytest.approx(30.0 / 1000.0 * 1000.0)
+    found.misfit.evaluator = whole.evaluator
+    whole.watch.end_search(found)
+    end = WORK["halved"] + WORK["fine"] + WORK["plain"] * (20 + len(PARAMETERS))
+    assert whole.left(1100.0) == pytest.approx(31.0 / 1000.0 * end)
 
 
 def test_the_limit_is_over_once(monkeypatch: pytest.MonkeyPatch) -> None:

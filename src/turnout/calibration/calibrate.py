@@ -95,6 +95,8 @@ THROWN_SLOPES = 0.7
 PACE_WORK, PACE_SHARE = 100.0, 0.09
 # Fits of a search with one cause, each with slopes of its own: without it, with it, and to the end.
 SEARCH_FITS = 3
+# Throws of each place and size for the planes that a fit ends with.
+END_PLANES = 20
 # Throws, for each movement, that fits begun before a search is ended and two ends take at most.
 LAST_THROWS = 200
 # Movements that advice usually looks at.
@@ -223,6 +225,7 @@ class ProgressReporter:
     marked: tuple[float, float] = (0.0, 0.0)
     latest: tuple[float, float] = (0.0, 0.0)
     searching: bool = False
+    begun: float = 0.0
     limit: float = float("inf")
     verdict: str = ""
 
@@ -236,7 +239,10 @@ class ProgressReporter:
             return
         seconds = time.monotonic() - self.began
         pace = self._paces(seconds, evaluator)[-1]
-        left = pace * max(abs(self.planned - evaluator.work), self.per_step)
+        left = self.planned - evaluator.work
+        # How long a search goes on is not known: as long again as so far, if not as planned.
+        beyond = evaluator.work - self.begun if self.searching else -left
+        left = pace * max(left, beyond, self.per_step)
         self.report(
             CalibrationProgress(
                 stage=self.stage,
@@ -274,7 +280,15 @@ class ProgressReporter:
         Its throws are of other kinds than those before: the pace is taken over all of it.
         """
         self.planned = max(self.planned, evaluator.work + self.per_step) + work
-        self.marked, self.searching = self.latest, True
+        self.marked, self.searching, self.begun = self.latest, True, evaluator.work
+
+    def end_search(self, found: Fit) -> None:
+        """Plan the fit to the end alone, if a search for causes went before."""
+        if self.searching:
+            evaluator, each = found.misfit.evaluator, END_PLANES + len(found.parameters)
+            work = WORK["plain"] * each + WORK["halved"] + WORK["fine"]
+            self.begun = evaluator.work
+            self.planned = evaluator.work + _distinct(found.misfit.movements) * work
 
     def time_of(self, throws: int, evaluator: Evaluator) -> float:
         """Return the time that so many plain throws take at the slower of the mean and late pace.
@@ -638,6 +652,7 @@ class _Run:
 
     def _final(self, search: CauseSearch) -> Fit:
         """Fit to the end from the end of a search for causes."""
+        self.watch.end_search(search.found)
         misfit = replace(search.first, base=search.found.values)
         found = search.found
         if search.misses:
