@@ -18,8 +18,10 @@ from turnout.calibration.cause_trials import one_of_alike, own_levels, with_caus
 from turnout.calibration.causes import (
     DECISIVE,
     CauseSearch,
+    FittedChoice,
     _fitted_choices,
     _fitted_with,
+    _gone_on,
     _rivals,
     cause_lines,
     is_needed,
@@ -277,6 +279,24 @@ def test_a_fit_with_a_soft_bushing_begins_with_the_stretch_that_it_had() -> None
     assert stretch == pytest.approx(force / stiffness, rel=1e-6)
 
 
+@pytest.mark.parametrize(("likely", "beside"), [(1.0, {}), (1.3, {"k": 1.3 * TRUE["k"]})])
+def test_a_cause_is_tried_with_values_as_they_are_and_with_those_that_keep_forces(
+    monkeypatch: pytest.MonkeyPatch, likely: float, beside: dict[str, float]
+) -> None:
+    found = fit(misfit([movement("m", rng=np.random.default_rng(0))]), PARAMETERS, TRUE, rough=True)
+    found = replace(found, values=TRUE)
+    made = next(c for c in candidate_causes(load_panel("sb1"), PARAMETERS) if c.beside is not None)
+    cause = replace(made, beside=lambda values, _: {"k": 1.3 * values["k"]})
+    monkeypatch.setattr(cause_trials, "_changed", lambda *some: some[2])
+    monkeypatch.setattr(
+        cause_trials, "_judged", lambda *some: abs(some[2]["k"] / TRUE["k"] - likely)
+    )
+    trial, least = cause_trials._tried(found, cause, found.misfit, [])
+    assert least == pytest.approx(0.0, abs=1e-12)
+    assert trial.beside == pytest.approx(beside)
+    assert trial.sizes == (cause.tries[0], cause.parameters[1].start)
+
+
 @pytest.mark.parametrize("stated", [0.0, 0.3])
 def test_a_cause_that_the_end_does_not_need_is_left_out(stated: float) -> None:
     panel = load_panel("sb1")
@@ -452,6 +472,81 @@ def test_those_alike_are_fitted_where_sizes_make_up_for_the_shape_of_another(
     recorders = candidate_causes(load_panel("sb1"), PARAMETERS)
     mean, *_ = (item for item in recorders if item.group == "recorder")
     assert [mean.doubted((0.1, square)) for square in (0.0, 0.04**2)] == [False, True]
+
+
+def test_a_choice_that_explains_a_tenth_of_the_likeliest_is_not_fitted(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]],
+) -> None:
+    start, _, tried = fitted_alone
+    _fitted_choices(start, start.misfit, choices_of(500.0, 51.0, 49.0), lambda: False)
+    assert tried == ["first", "alike"]
+
+
+def travels_of(*drives: str) -> list[list[cause_trials.TestedCause]]:
+    """Causes of a group, each of some drives, that explain less and less."""
+    pairs = zip(("first", "alike", "better", "after"), drives, strict=False)
+    return [
+        [
+            cause_trials.TestedCause(
+                cause=Cause(name=name, text=str, group="first travel", drives=tuple(own)),
+                sizes=(),
+                gain=50.0 - 10.0 * number,
+            )
+        ]
+        for number, (name, own) in enumerate(pairs)
+    ]
+
+
+def test_bushings_of_other_drives_are_fitted_where_that_of_one_leaves_something(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, left, tried = fitted_alone
+    monkeypatch.setattr(causes, "ATTEMPTS", 2)
+    monkeypatch.setattr(causes, "_is_doubted", lambda *_: False)
+    monkeypatch.setattr(causes, "missed_share", lambda fit: left[fit.message])
+    fitted = _fitted_choices(start, start.misfit, travels_of("1", "2", "12"), lambda: False)
+    assert fitted[0].choice[0].name == "better"
+    assert tried == ["first", "alike", "better"]
+    # One that leaves less than half of what was missed is not of too few drives.
+    tried.clear()
+    left["alike"] = 45.0
+    _fitted_choices(start, start.misfit, travels_of("1", "2", "12"), lambda: False)
+    assert tried == ["first", "alike"]
+
+
+def test_of_causes_much_alike_each_comes_to_its_end_where_the_likeliest_is_doubted(
+    fitted_alone: tuple[Fit, dict[str, float], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, left, _ = fitted_alone
+    gone: list[str] = []
+
+    def continued(found: Fit, first: Misfit, *, rounds: int) -> Fit:
+        gone.append(found.message)
+        return replace(found, message=f"{found.message} gone on")
+
+    monkeypatch.setattr(causes, "continued", continued)
+    monkeypatch.setattr(causes, "missed_share", lambda fit: left[fit.message])
+    left |= {"": 130.0, "first": 58.0, "alike": 60.0}
+    left |= {"first gone on": 40.0, "alike gone on": 15.0}
+    choices = travels_of("1", "1")
+    for doubted, order in ((False, ["first", "alike"]), (True, ["alike", "first"])):
+        monkeypatch.setattr(causes, "_is_doubted", lambda *_, doubted=doubted: doubted)
+        fitted = [
+            FittedChoice(
+                found=replace(start, message=choice[0].name),
+                choice=choice,
+                evidence=left[choice[0].name],
+            )
+            for choice in choices
+        ]
+        gone.clear()
+        again = _gone_on(fitted, start, start.misfit, lambda: False)
+        assert [item.choice[0].name for item in again] == order
+        assert gone == ["first", "alike"][: 1 + doubted]
+    # One that leaves most of what was missed lacks another cause.
+    gone.clear()
+    assert _gone_on(fitted, replace(start, message="first"), start.misfit, lambda: False) == fitted
+    assert gone == []
 
 
 def test_choices_that_are_alike_are_both_said_and_widen_the_intervals(

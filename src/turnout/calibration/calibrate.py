@@ -201,7 +201,8 @@ def work_of_search(found: Fit, panel: LoadedPanel) -> float:
     count, tries = len(found.parameters), 0
     for cause in candidate_causes(panel, found.parameters, found.misfit.movements):
         if cause.shape is None:
-            tries += len(cause.parameters) if cause.smooth else max(len(cause.tries), 1)
+            sizes = len(cause.tries) * (2 if cause.beside else 1)
+            tries += len(cause.parameters) if cause.smooth else max(sizes, 1)
     each = tries + SEARCH_FITS * (CAUSE_STEPS + 2 * WORK["plain"] * (count + 2))
     return len(found.misfit.movements) * each
 

@@ -60,6 +60,8 @@ LEAST_SECTIONS = 0.005  # a modulus that is off by less takes up what is another
 # Groups of neighbouring chairs at most, and how far the friction of one is expected from the mean
 # of all, as a share of that [-].
 CHAIR_GROUPS, CHAIR_SPREAD = 5, 0.25
+# Group of bushings that are soft over their first travel, and of play: of any drive, and of all.
+FIRST_TRAVEL = "first travel"
 # Causes of which several may be, such as one a drive.
 SEVERAL = ("bushing shape", "clutch", "drive law", "objects")
 Beside = Callable[[Mapping[str, float], Sequence[float]], dict[str, float]]
@@ -569,16 +571,11 @@ def _soft_at_first(panel: LoadedPanel, key: str, drives: tuple[str, ...]) -> Cau
         parameters=(_linear(key, 0.01, "m"), _softness(softness)),
         tries=SOFT_TRAVELS,
         least=1e-4,
-        group=_first_travel(drives),
+        group=FIRST_TRAVEL,
         drives=drives,
         beside=lambda values, sizes: _stiffer_beyond(panel, drives, values, travel=sizes[0]),
         law=law,
     )
-
-
-def _first_travel(drives: Sequence[str]) -> str:
-    """Return the group of soft first travels and play of drives."""
-    return f"first travel of {drives[0]}" if len(drives) == 1 else ""
 
 
 def _softness(key: str, *, lower: float = -1.0) -> Parameter:
@@ -639,7 +636,7 @@ def _drive_tables(panel: LoadedPanel, drive: str) -> list[Cause]:
             parameters=(_linear(play, 0.03, "m"),),
             tries=(0.5e-3, 2e-3, 4e-3),
             least=LEAST_PLAY,
-            group=_first_travel((drive,)),
+            group=FIRST_TRAVEL,
             drives=(drive,),
             # The bushing is stretched by half of the play less.
             beside=lambda values, sizes: _stiffer_beyond(

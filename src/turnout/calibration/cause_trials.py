@@ -158,11 +158,11 @@ def cause_trials(
 
 def one_of_alike(choices: Sequence[Sequence[TestedCause]]) -> list[Sequence[TestedCause]]:
     """Return the likeliest choice of causes much alike, in their order, and all others."""
-    groups = [choice[0].cause.group for choice in choices]
+    groups = [(choice[0].cause.group, choice[0].cause.drives) for choice in choices]
     return [
         choice
         for number, choice in enumerate(choices)
-        if not groups[number] or groups[number] not in groups[:number]
+        if not choice[0].cause.group or groups[number] not in groups[:number]
     ]
 
 
@@ -175,9 +175,10 @@ def _tried(
         return TestedCause(cause=cause, sizes=(), gain=0.0), _with_own_levels(found, misfit, drive)
     others = tuple(item.start for item in cause.parameters[1:])
     trials = []
-    for size in cause.tries:
-        beside = cause.beside(found.values, (size, *others)) if cause.beside else {}
-        trials.append(TestedCause(cause=cause, sizes=(size, *others), gain=0.0, beside=beside))
+    for sizes in ((size, *others) for size in cause.tries):
+        # How much of a cause other values took up is not known: none of it, or all.
+        near = [{}, cause.beside(found.values, sizes)] if cause.beside else [{}]
+        trials += [TestedCause(cause=cause, sizes=sizes, gain=0.0, beside=b) for b in near]
     points = [{**found.values, **trial.values} for trial in trials]
     thrown = cause.law is not None
     rows = _changed(found, misfit, points, origin) if thrown else misfit.responses(points)

@@ -32,7 +32,6 @@ from turnout.calibration.fit import Fit, brief_fit, fit, sought_effects
 from turnout.calibration.measured_movements import channel_name
 from turnout.calibration.misfit import Misfit, framed
 from turnout.calibration.sensors import (
-    LEAVES_PRIOR,
     found_sensors,
     lead_text,
     unknown_lead,
@@ -50,6 +49,12 @@ from turnout.panel.load import LoadedPanel
 Floats = NDArray[np.float64]
 # How many causes are taken up at most, and of how many choices the one that misses least.
 MOST_CAUSES, ATTEMPTS = 3, 4
+# A choice is not fitted that explains less than this share of what the likeliest one does: to first
+# order, right causes explained a fifth to all of it [-].
+CANNOT_WIN = 0.1
+# A size that is further from what is expected, in deviations, is rather that of a cause much alike:
+# play was followed as a bushing 1.2 to 2.9 of them too soft before it came to its bound [-].
+SURPRISING = 1.0
 # How many are taken up in one fit at most.
 AT_ONCE = 2
 # The share of what a model misses without a cause that is noise in a fit with it [-], and the steps
@@ -57,8 +62,9 @@ AT_ONCE = 2
 LEFT_MISSED, CAUSE_STEPS = 0.1, 14
 # Rounds in which a fit with a cause goes on where it misses something.
 MOST_ROUNDS = 2
-# What such a round may leave at most of what was missed, if another is to follow [-].
-LESS_MISSED = 0.85
+# What such a round may leave at most of what was missed, if another is to follow, and what a fit
+# with a cause may leave if it goes on at all: one that leaves more lacks another cause [-].
+LESS_MISSED, MOSTLY_RIGHT = 0.85, 0.5
 # Throws, for each movement, from the first verdict on, after which no further cause is tried and no
 # further fit is begun: a model of something else could go on for long and still miss much.
 MOST_THROWS = 400
@@ -217,13 +223,11 @@ def with_causes(
         fitted = _fitted_choices(found, first, good, is_spent)
         if not fitted:
             break
+        fitted = _gone_on(fitted, found, first, is_spent)
         found, choice = fitted[0].found, fitted[0].choice
         rivals += _rivals(fitted)
-        for item in choice:
-            first = with_cause(first, item.cause)
+        first = with_choice(first, choice)
         taken += choice
-        if is_worth_a_search(found) and not is_spent():
-            found = continued(found, first, rounds=MOST_ROUNDS)
         left = tuple(cause for cause in left if all(cause.goes_with(item.cause) for item in choice))
     names = {item.name for item in taken}
     # The likeliest of each name, where those that were taken up do not explain what it does.
@@ -241,9 +245,20 @@ def with_causes(
         rivals=tuple(item for item in rivals if not names.issuperset(item.causes)),
         misses=misses,
     )
-    # One that was taken up before the right one would hold back the end, and others with it.
-    earlier = taken[: -len(choice)] if taken else []
-    for item in sorted(earlier, key=lambda item: explained_by(item.cause, found)):
+    return _without_earlier(search, choice)
+
+
+def _without_earlier(search: CauseSearch, last: Sequence[TestedCause]) -> CauseSearch:
+    """Leave out causes that were taken up before the right one, which explain less than that.
+
+    They would hold back the end, and others with them.
+    """
+    found = search.found
+    earlier = [(explained_by(t.cause, found), t) for t in search.taken if t not in last]
+    most = max((explained_by(item.cause, found) for item in last), default=0.0)
+    for explained, item in sorted(earlier, key=lambda pair: pair[0]):
+        if explained > most:
+            break
         fewer = without(search, search.found, [item])
         if not fewer.is_as_likely(fewer.found, search, search.found):
             break
@@ -275,9 +290,7 @@ def without_needless(search: CauseSearch, final: Fit) -> CauseSearch:
 def without(search: CauseSearch, final: Fit, left_out: Sequence[TestedCause]) -> CauseSearch:
     """Fit briefly without some causes, from a fit with them; with none nothing changes."""
     kept = tuple(item for item in search.taken if item not in left_out)
-    first = search.plain
-    for item in kept:
-        first = with_cause(first, item.cause)
+    first = with_choice(search.plain, kept)
     dropped = {own.name for item in left_out for own in item.cause.parameters}
     values = {name: value for name, value in final.values.items() if name not in dropped}
     effects = {
@@ -297,6 +310,11 @@ def without(search: CauseSearch, final: Fit, left_out: Sequence[TestedCause]) ->
             fewer = replace(search, found=found, first=first, taken=kept, rivals=())
             return replace(fewer, misses=is_worth_a_search(found))
     return search
+
+
+def with_choice(first: Misfit, choice: Sequence[TestedCause]) -> Misfit:
+    """Return a misfit with several causes beside those that it has."""
+    return reduce(with_cause, (item.cause for item in choice), first)
 
 
 def evidence(found: Fit, causes: Sequence[Cause], first: Misfit | None = None) -> float:
@@ -404,15 +422,15 @@ def _fitted_choices(
     """Fit with each of the likeliest choices, and return those with evidence, the likeliest first.
 
     None is fitted after one that leaves nothing to look for, unless that is as likely to first
-    order. Of causes much alike the others are fitted too where the one that was is at its bound,
-    which is another (a bushing without stiffness is play), has sizes that nobody would expect or
-    that make up for the shape of another (a filter with few samples), leaves something, or needs a
-    lead of the motors, as those do that delay forces less than the right one.
+    order. Of causes much alike the others are fitted too where the one that was leaves something,
+    or is to be doubted.
     """
-    least = evidence(found, ())
+    least, most = evidence(found, ()), MOSTLY_RIGHT * missed_share(found)
     fitted: list[FittedChoice] = []
+    tried: list[Sequence[TestedCause]] = []
 
     def fit_with(choice: Sequence[TestedCause]) -> None:
+        tried.append(choice)
         with suppress(SolverError):
             again = _fitted_with(found, first, choice)
             kept = [item for item in choice if not item.cause.is_slight_in(again.values)]
@@ -430,24 +448,77 @@ def _fitted_choices(
         best = fitted[0]
         return is_worth_a_search(best.found) or _gain(choice) > _gain(best.choice) - ALIKE
 
-    for choice in one_of_alike(choices)[:ATTEMPTS]:
+    likely = [choice for choice in choices if _gain(choice) > CANNOT_WIN * _gain(choices[0])]
+    for choice in one_of_alike(likely)[:ATTEMPTS]:
         if is_spent() or (fitted and not is_rival(choice)):
             break
         fit_with(choice)
-    if not fitted or not fitted[0].choice[0].cause.group:
-        return fitted
-    best, taken = fitted[0].found, fitted[0].choice[0].cause
-    bound = any(item.at_bound(best.values[item.name]) for item in taken.sized)
-    away = prior_residuals(taken.parameters, coordinates(taken.parameters, best.values))
-    doubted = bound or bool(unknown_lead(best)) or bool(np.abs(away).max() > LEAVES_PRIOR)
-    doubted = doubted or taken.doubted(taken.sizes_in(best.values))
     for choice in choices:
-        cause = choice[0].cause
-        if len(choice) > 1 or cause is taken or cause.group != taken.group or is_spent():
+        if not fitted or is_spent():
+            break
+        if choice in tried or not _are_alike(choice, fitted[0].choice):
             continue
-        if doubted or is_rival(choice):
+        # One that leaves less than half of what was missed is not of too few drives.
+        few = _has_drives_of(fitted[0], choice) or missed_share(fitted[0].found) > most
+        if (few and choice in likely and is_rival(choice)) or _is_doubted(fitted[0], choice):
             fit_with(choice)
     return fitted
+
+
+def _gone_on(
+    fitted: Sequence[FittedChoice], found: Fit, first: Misfit, is_spent: Callable[[], bool]
+) -> list[FittedChoice]:
+    """Go on with the likeliest of some choices where it leaves something; the likeliest first.
+
+    Not where it leaves most of what the fit without them did, as that would be slow. So does one
+    that is much like it where it is then to be doubted: fits that have not come to their end say
+    little of which is the right one.
+    """
+    gone, most = list(fitted), MOSTLY_RIGHT * missed_share(found)
+
+    def go_on_with(item: FittedChoice) -> None:
+        some = is_worth_a_search(item.found) and missed_share(item.found) < most
+        if some and not is_spent():
+            beside = with_choice(first, item.choice)
+            again = continued(item.found, beside, rounds=MOST_ROUNDS)
+            size = evidence(again, [own.cause for own in item.choice], beside)
+            gone[gone.index(item)] = replace(item, found=again, evidence=size)
+            gone.sort(key=lambda item: item.evidence)
+
+    go_on_with(gone[0])
+    best = gone[0]
+    alike = [item for item in gone[1:] if _are_alike(item.choice, best.choice)]
+    for item in alike[:1]:
+        if _is_doubted(best, item.choice):
+            go_on_with(item)
+    return gone
+
+
+def _are_alike(choice: Sequence[TestedCause], other: Sequence[TestedCause]) -> bool:
+    """Return whether two choices are single causes of a group."""
+    (one, *further), (two, *more) = choice, other
+    return bool(one.cause.group) and one.cause.group == two.cause.group and not (further or more)
+
+
+def _has_drives_of(item: FittedChoice, choice: Sequence[TestedCause]) -> bool:
+    """Return whether a fitted choice is of the drives of another."""
+    return item.choice[0].cause.drives == choice[0].cause.drives
+
+
+def _is_doubted(item: FittedChoice, choice: Sequence[TestedCause]) -> bool:
+    """Return whether a cause may rather be that of another choice, of the same drives.
+
+    It is at its bound, which is another (a bushing without stiffness is play), has sizes that are
+    not expected or that make up for the shape of another (a filter with few samples), or needs a
+    lead of the motors, as those do that delay forces less than the right one.
+    """
+    found, cause = item.found, item.choice[0].cause
+    if not _has_drives_of(item, choice):
+        return False
+    bound = any(own.at_bound(found.values[own.name]) for own in cause.sized)
+    away = prior_residuals(cause.parameters, coordinates(cause.parameters, found.values))
+    doubted = bound or cause.doubted(cause.sizes_in(found.values))
+    return doubted or bool(np.abs(away).max() > SURPRISING) or bool(unknown_lead(found))
 
 
 def _gain(choice: Sequence[TestedCause]) -> float:

@@ -227,7 +227,8 @@ SMOOTH_PASSES, SMOOTH_DECREASE, SMOOTH_NOISES, SMOOTH_STEP = 16, 0.3, 3, 10.0
 FAR_DECREASE = 10.0
 # A step turns back where the cosine between what it and the one before change is below this [-].
 TURNED_BACK = -0.5
-# Planes from a brief fit before single throws lead on: right models come to their end in 4 to 7.
+# Planes from a brief fit before single throws lead on where these still promise as much: right
+# models come to their end in 4 to 7.
 FIRST_PASSES = 8
 # How many movements the expected scatter counts for beside those that were measured.
 SCATTER_WEIGHT = 2.0
@@ -351,8 +352,10 @@ def fit(
     with suppress(SolverError):
         slopes = misfit.local_near(values, [item.name for item in parameters], near.local)
         found = _nearer(replace(found, local=slopes), first)
+    before = found.iterations
     found = smooth_end(found, first, most=FIRST_PASSES)
-    if found.converged:
+    # Single throws see less than planes that go to and fro near their end.
+    if found.converged or found.iterations >= before + SMOOTH_PASSES:
         return found
     # What is further off than planes lead, single throws may come to.
     with suppress(SolverError):
@@ -417,7 +420,7 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
     first : Misfit
         As of `reestimate_noise`.
     most : int, optional
-        Planes at most, default `SMOOTH_PASSES`.
+        Planes after which it is given up where it is still far off; it ends after `SMOOTH_PASSES`.
 
     Returns
     -------
@@ -426,7 +429,7 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
     """
     names, known, misfit = [p.name for p in found.parameters], found.local, found.misfit
     thrown, gain, before = dict[int, Thrown](), 1.0, np.zeros(len(names))
-    for number in range(1, 1 + (SMOOTH_PASSES if most is None else most)):
+    for number in range(1, 1 + SMOOTH_PASSES):
         try:
             wide = _reaches(replace(found, misfit=misfit))
             local = misfit.smoothed(found.values, names, thrown, wide, known)
@@ -448,6 +451,8 @@ def smooth_end(found: Fit, first: Misfit, *, most: int | None = None) -> Fit:
         if near and same_noise(found.misfit, again):
             break
         misfit = replace(again, effects=effects)
+        if most == number and predicted_decrease > FAR_DECREASE * len(names):
+            break
     return found
 
 
