@@ -127,6 +127,40 @@ def test_a_mean_over_the_past_of_a_parabola_is_exact_between_samples_too(average
     np.testing.assert_allclose(seen[10:], exact[10:], rtol=1e-9)
 
 
+RESPONSES = [Recorder(average=0.02), Recorder(rate=50.0), Recorder(rate=100.0)]
+
+
+@pytest.mark.parametrize("recorder", RESPONSES)
+def test_a_step_does_not_ring(recorder: Recorder) -> None:
+    """A spline through a step of 4000 N behind an RC of 40 Hz went to -42 N before it."""
+    time = np.arange(1000) * 4e-3
+    rc = LowPass(kind="rc", order=1, corner=40.0)
+    for values in (4e3 * (time >= 2.0), low_passed(time, 4e3 * (time >= 2.0), rc)):
+        seen = recorder.applied(time, values)
+        assert seen.min() >= -1e-6
+        assert seen.max() <= 4e3 + 1e-6
+
+
+@pytest.mark.parametrize(
+    "recorder", [*RESPONSES, Recorder(average=0.02, low_pass=LowPass(corner=6.0))]
+)
+def test_what_follows_a_missing_sample_is_missing_and_what_lies_before_is_not(
+    recorder: Recorder,
+) -> None:
+    time = np.arange(200) * 4e-3
+    values = np.sin(9.0 * time)
+    whole, lost = recorder.applied(time, values), values.copy()
+    lost[100] = np.nan
+    seen = recorder.applied(time, lost)
+    assert np.isnan(seen[100:]).all()
+    # Lines between samples look ahead by their interval.
+    np.testing.assert_allclose(seen[:94], whole[:94], atol=2e-3)
+    assert np.isnan(Recorder(average=0.02, rate=50.0).recorded(time, lost)[105:]).all()
+    for first in (0, 1):
+        lost[first] = np.nan
+        assert np.isnan(recorder.applied(time, lost)[first:]).all()
+
+
 def mapped(text: str) -> ChannelMap:
     return parse_channel_map(parse_toml(text + MAP, source="map"))
 

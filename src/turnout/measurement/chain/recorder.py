@@ -363,7 +363,7 @@ def trailing_mean(time: Floats, values: Floats, average: float) -> Floats:
     time : ndarray, shape (n,)
         Even [s].
     values : ndarray, shape (n,)
-        At these times, with a cubic spline in between.
+        At these times, with Akima's cubics in between; from a NaN on, NaN is returned.
     average : float
         `T` [s].
 
@@ -388,14 +388,20 @@ def _integrals(
 ) -> list[Floats]:
     """Return integrals of the rise of a signal over its first value, at several instants.
 
-    Straight lines instead of a spline would smooth it further, by a variance of `h^2 / 6` for each
+    Straight lines instead of a curve would smooth it further, by a variance of `h^2 / 6` for each
     integral over samples `h` apart: of 4 ms, as much as samples taken at 54 Hz in place of 50 do.
+    Akima's cubics are exact for parabolas, as a spline is, but do not ring at a step. From the
+    last sample before a NaN on, integrals are NaN.
     """
-    from scipy.interpolate import CubicSpline  # loads slowly
+    from scipy.interpolate import Akima1DInterpolator  # loads slowly
 
     rise = np.asarray(values, dtype=np.float64) - values[0]
-    integral = CubicSpline(time, rise).antiderivative(order)
-    return [integral(np.maximum(instant, time[0])) for instant in instants]
+    known = int(np.argmin([*np.isfinite(rise), False]))
+    if known < 2:
+        return [np.full(np.shape(instant), np.nan) for instant in instants]
+    # Beyond its last sample it gives NaN.
+    integral = Akima1DInterpolator(time[:known], rise[:known]).antiderivative(order)
+    return [np.asarray(integral(np.maximum(instant, time[0]))) for instant in instants]
 
 
 def low_passed(time: Floats, values: Floats, low_pass: LowPass) -> Floats:
@@ -487,7 +493,7 @@ def between_samples(time: Floats, values: Floats, rate: float) -> Floats:
     time : ndarray, shape (n,)
         Even [s].
     values : ndarray, shape (n,)
-        At these times, with a cubic spline in between.
+        At these times, with Akima's cubics in between; from a NaN on, NaN is returned.
     rate : float
         `1 / T` [1/s].
 
