@@ -280,11 +280,13 @@ def numbers_without_reason(text: str) -> list[str]:
     }
     end, found = 0, []
     for node in body:
-        names = ast.unparse(node.targets[0]) if isinstance(node, ast.Assign) else ""
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        names = ast.unparse(targets[0]) if targets[0] is not None else ""
         if not names.strip("()").isupper():
             continue
         numbers = [n.value for n in ast.walk(node) if isinstance(n, ast.Constant)]
-        beside = "#" in "".join(lines[node.lineno - 2 : node.end_lineno])
+        above = "".join(lines[node.lineno - 2 : node.lineno - 1]).startswith("#")
+        beside = above or "  # " in "".join(lines[node.lineno - 1 : node.end_lineno])
         if beside or node.end_lineno in explained or end == node.lineno - 1:
             end = node.end_lineno or 0
         elif any(isinstance(number, int | float) and number for number in numbers):
@@ -304,6 +306,9 @@ def test_numbers_of_calibration_have_a_reason() -> None:
 def test_a_number_without_a_reason_is_seen() -> None:
     text = "# Enough.\nMOST = 3\nLEAST = 1\n\nFAR = 2.0\nNEAR = 1.0\n" + '"""Reached."""\n'
     assert numbers_without_reason(text) == ["FAR"]
+    # A comment on another line's value is none, nor is a colour.
+    text = 'far = f(2)  # Far.\nFAR: float = 2.0\n\nRED = ("#f00", 3)\n\nLOW: int = 3  # Low.\n'
+    assert numbers_without_reason(text) == ["FAR", "RED"]
 
 
 def test_functions_stay_short() -> None:

@@ -29,7 +29,7 @@ from turnout.throw.simulate import Solved, solve
 Floats = NDArray[np.float64]
 # Means over cells of this length are kept [s]: an impact keeps its impulse.
 CELL = 4e-3
-# Raised when what a kept throw holds changes.
+# Raised when old ones can no longer be read.
 STORED_VERSION = 5
 # Throws that are kept in memory, of some 20 kB each.
 MOST_IN_MEMORY = 4000

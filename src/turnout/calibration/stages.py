@@ -304,8 +304,10 @@ METHODS = ("sweep", "fit", "sweep and fit")
 # The published calibration: friction 0.1 ... 0.5; a tenth and ten times of a drive's stiffness.
 FRICTION_SWEEP = (0.1, 0.2, 0.3, 0.4, 0.5)
 STIFFNESS_SWEEP = (75e3, 150e3, 300e3, 750e3, 1.5e6, 3e6, 7.5e6)
-# Of friction from throw to throw, as repeats show [-]; the object of the published test [m].
-FRICTION_SCATTER, TEST_SIZE = 0.02, 0.013
+# Of friction from throw to throw, as repeats show [-].
+FRICTION_SCATTER = 0.02
+# The object of the published test [m].
+TEST_SIZE = 0.013
 # Enough for five parameters; what is left over is there to validate.
 JOINT_MOVEMENTS = 20
 # How well over-travel and fit are known [m], and the stress-free fraction [-]; bounds are so many
@@ -639,7 +641,11 @@ def selected(
 def _hardest(movements: "Sequence[MeasuredMovement]", drive: str) -> int:
     """Return which movement has the largest force of a drive."""
     forces = [
-        [np.nanmax(np.abs(s.values)) for s in item.signals if s.drive == drive]
+        [
+            np.nanmax(np.abs(s.values))
+            for s in item.signals
+            if (s.channel, s.drive) == ("drive_force", drive)
+        ]
         for item in movements
     ]
     return int(np.argmax([max(found, default=0.0) for found in forces]))

@@ -112,7 +112,7 @@ def _slip_levels(misfit: Misfit, values: Mapping[str, float]) -> dict[str, float
                 float(np.nanmax(np.abs(signal.values)))
                 for movement in misfit.movements
                 for signal in movement.signals
-                if signal.drive in drives
+                if signal.channel == "drive_force" and signal.drive in drives
             ]
             if largest:
                 changed[item.name] = min(max(max(largest), item.lower), item.upper)

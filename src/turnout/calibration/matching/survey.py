@@ -30,8 +30,10 @@ FEWEST = 10
 """Accepted panels below which nothing is said about them."""
 STRONG = 0.5
 """Rank correlation from which two parameters are named."""
-NODES, NODE_WEIGHTS = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]), np.array([1.0, 4.0, 1.0]) / 6.0
-"""Three-point Gauss-Hermite rule for the error of a measurement, in standard deviations."""
+NODES = np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)])
+"""Of the three-point Gauss-Hermite rule, for errors of a measurement in standard deviations."""
+NODE_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
+"""Of the same rule; their sum is one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
