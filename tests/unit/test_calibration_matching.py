@@ -27,7 +27,9 @@ from turnout.calibration.matching.facts import (
 )
 from turnout.calibration.matching.match import (
     Emulation,
+    Matching,
     Thrower,
+    TriedPanel,
     farthest_points,
     fit_emulator,
     holds,
@@ -42,6 +44,7 @@ from turnout.calibration.matching.match import (
 )
 from turnout.calibration.matching.measures import MEASURES
 from turnout.calibration.matching.survey import (
+    Survey,
     accepted_study,
     measurement_gains,
     ranges,
@@ -438,6 +441,35 @@ def test_a_facts_file_in_the_home_folder(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "toy.toml").write_text(TOY, encoding="utf-8")
     assert load_facts("~/toy.toml").name == "toy"
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (0, "the study is not written: no panel meets all facts"),
+        (1, "the study has 1 panel that meets all facts"),
+        (2, "the study has 2 panels that meet all facts"),
+    ],
+)
+def test_a_study_of_too_few_panels_says_how_many_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, toy: Facts, count: int, words: str
+) -> None:
+    points = np.linspace(0.3, 0.7, count)[:, None] * np.ones(len(toy.parameters))
+    tried = tuple(
+        TriedPanel(point=tuple(row), values=(), accepted=True, fault="", throws=1)
+        for row in points.tolist()
+    )
+    found = Matching(facts=toy, tried=tried)
+    monkeypatch.setattr(match, "match_panel", lambda *_, **__: found)
+    none = np.zeros((count, 0))
+    seen = Survey(points=points, measured=none, answers=none, throws=0)
+    monkeypatch.setattr("turnout.calibration.matching.survey.survey", lambda *_, **__: seen)
+    facts, study = tmp_path / "toy.toml", tmp_path / "few.toml"
+    facts.write_text(TOY, encoding="utf-8")
+    command = ["panel", "match", str(facts), "--study", str(study), "--workers", "1"]
+    done = CliRunner().invoke(app, command, catch_exceptions=False)
+    assert words in done.output
+    assert study.exists() == (count > 0)
 
 
 def test_the_command_refuses_a_facts_file_that_is_not_there(tmp_path: Path) -> None:

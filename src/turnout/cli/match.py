@@ -14,7 +14,7 @@ from turnout.cli.options import (
 )
 from turnout.cli.output import Output, resumable
 from turnout.cli.watch import cores, watched
-from turnout.core.value_text import shown_unit
+from turnout.core.value_text import count_text, shown_unit
 
 if TYPE_CHECKING:
     from turnout.calibration.matching.facts import Facts
@@ -66,9 +66,25 @@ def match_command(
     record = match_record(found, shown)
     output.show(*match_lines(found, shown.points, record))
     if output["study"] is not None and len(found.points) < choose:
-        output.show("", f"the study has the {len(found.points)} panels that meet all facts")
+        output.show("", few_text(len(found.points)))
     _write(output, read, shown.points, chosen)
     output.json(lambda: record)
+
+
+def few_text(count: int) -> str:
+    """Return the words about a study with fewer panels than were to be chosen.
+
+    Examples
+    --------
+    >>> few_text(0)
+    'the study is not written: no panel meets all facts'
+    >>> few_text(1)
+    'the study has 1 panel that meets all facts'
+    """
+    if not count:
+        return "the study is not written: no panel meets all facts"
+    meet = "meets" if count == 1 else "meet"
+    return f"the study has {count_text(count, 'panel')} that {meet} all facts"
 
 
 def _write(output: Output, facts: "Facts", points: "Floats", chosen: "Floats | None") -> None:
