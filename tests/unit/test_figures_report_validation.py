@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from tests.unit.test_study_validation import hand_made
+from tests.unit.test_study_validation import hand_made, unpredicted_object
 from typer.testing import CliRunner
 
 from turnout.calibration.validation.acceptance import judge
@@ -28,6 +28,17 @@ def test_findings_begin_with_the_verdict() -> None:
     assert [item.level for item in found[2:8]] == ["good", "good", "bad", "good", "good", "good"]
     used = hand_made(used=6)
     assert validation_findings(used, judge(used))[0].answer == "Not validated"
+
+
+def test_a_channel_that_is_never_predicted_is_shown_as_bad() -> None:
+    made = unpredicted_object()
+    found = [item for item in validation_findings(made, judge(made)) if "object" in item.question]
+    assert [(item.level, item.answer) for item in found] == [
+        ("bad", "not known"),
+        ("bad", "0 % inside"),
+    ]
+    page = validation_page(made, suffixes=())
+    assert "nan" not in str((page.findings, [section.tables for section in page.sections]))
 
 
 def test_what_was_left_out_is_to_be_looked_at() -> None:

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ from turnout.calibration.validation.acceptance import (
     PossibleError,
     Rules,
     judge,
+    notes,
     noticed_errors,
     page_text,
     rows_of,
     table_text,
 )
 from turnout.calibration.validation.prediction_bands import scatter_of
+from turnout.calibration.validation.validate import _noticed
 from turnout.core.errors import ResponseError
 from turnout.figures.validation import plot_comparison, plot_error_map
 
@@ -69,6 +72,7 @@ def hand_made(*, off: float = 0.0, used: int = 2, band: float = 60.0) -> xr.Data
         },
         attrs={
             "title": "hand-made",
+            "noticed": "[]",
             "synthetic": "synthetic: by hand",
             "scatter": '{"chair.friction_coefficient": 0.02, "onset [s]": 0.005, "repeats": 2}',
         },
@@ -132,6 +136,36 @@ def test_what_cannot_be_predicted_is_not_covered() -> None:
     assert verdict.cover == pytest.approx(0.75)
     assert verdict.channels[0].rms == pytest.approx(30.0, rel=0.7)
     assert not verdict.accepted
+
+
+def unpredicted_object() -> xr.Dataset:
+    """Many good movements, and one that is not simulated, in which alone the object is measured."""
+    one = hand_made(band=300.0)
+    more = [
+        one.isel(movement=[2, 3, 4]).assign_coords(movement=[f"x{k}{n}" for n in range(3)])
+        for k in range(6)
+    ]
+    made = xr.concat([one, *more], "movement", data_vars="minimal")
+    made["measured"].loc[{"channel": "object", "movement": made["movement"] != "m5"}] = np.nan
+    for name in ("predicted", "low", "high"):
+        made[name].loc[{"movement": "m5"}] = np.nan
+    made["rms"] = np.sqrt(((made["predicted"] - made["measured"]) ** 2).mean("time"))
+    # As a validation has it: no limit is known without a band, nor a spread without repeats.
+    made["repeat_spread"][2] = np.nan
+    return made.assign(cover_limit=("channel", [0.85, 0.85, np.nan]))
+
+
+def test_a_channel_that_is_never_predicted_refuses_the_model() -> None:
+    """It was left out of the verdict, which became VALID."""
+    made = unpredicted_object()
+    verdict = judge(made)
+    assert [item.channel for item in verdict.channels] == CHANNELS
+    assert verdict.cover > 0.9
+    assert verdict.reasons == ("the band of 95 % covers 0 % of object, less than 75 %",)
+    page = page_text(made, verdict, figures=[])
+    assert "nan" not in page
+    assert "-1.0 spreads" not in page
+    assert Rules.of(made).refused(rows_of(made["predicted"])).tolist() == [False, False, True]
 
 
 def test_a_good_prediction_is_accepted() -> None:
@@ -317,3 +351,16 @@ def test_a_verdict_passes_on_what_the_throws_said() -> None:
     assert any(line.startswith("would notice  k off by 3 %") for line in verdict.lines)
     assert "would notice" in page_text(made, verdict, figures=[])
     assert judge(hand_made()).power == ()
+    assert notes(hand_made()) == []
+
+
+def test_a_validation_of_an_older_version_is_said_not_to_tell_what_it_notices() -> None:
+    made = hand_made()
+    del made.attrs["noticed"]
+    (found,) = notes(made)
+    assert found == "made by an older version: validate again to see what would be noticed"
+
+
+def test_nothing_is_thrown_for_a_model_that_is_refused_already() -> None:
+    none = cast("Any", None)
+    assert _noticed(hand_made(band=5.0), none, none, None) == []

@@ -49,7 +49,7 @@ class Validation:
 
     @property
     def table(self) -> "pd.DataFrame":
-        """A row a channel, with RMS error, spread of repeats [N], their ratio and band cover."""
+        """A row per channel, with RMS error, spread of repeats [N], their ratio and band cover."""
         import pandas as pd
 
         rows = [

@@ -102,7 +102,7 @@ class Rules:
     Attributes
     ----------
     measured, reach : ndarray, shape (n_channels, n_movements, n_times)
-        Measured forces, NaN where there are none, and half the band [N].
+        Measured forces, NaN for none, and half the band [N].
     spread, least_cover : ndarray, shape (n_channels,)
         Of repeats [N], and least coverage of the band [-].
     """
@@ -116,7 +116,8 @@ class Rules:
     def of(cls, part: xr.Dataset) -> "Rules":
         """Return the rules for movements of a validation; the coverage is that of right models."""
         chance = part["cover_limit"].values if "cover_limit" in part else LEAST_COVER
-        least = np.maximum(np.broadcast_to(chance, part.sizes["channel"]), LEAST_OF_CHANNEL)
+        # No limit is known of a channel whose throws all failed.
+        least = np.fmax(np.broadcast_to(chance, part.sizes["channel"]), LEAST_OF_CHANNEL)
         reach = rows_of(part["high"] - part["predicted"])
         return cls(rows_of(part["measured"]), reach, part["repeat_spread"].values, least)
 
@@ -310,21 +311,22 @@ class ChannelResult:
     movements : int
         In which it was measured.
     rms, nrmse : float
-        Root mean square difference [N], and over the largest measured force [-].
+        Root mean square difference [N], and over the largest measured force [-]; NaN of a channel
+        whose throws all failed.
     spread : float
-        Of repeats [N].
+        Of repeats [N]; NaN if neither repeats nor throws say anything of it.
     cover : float
         Share of measured instants within the band of 95 %.
     errors : dict of str to (float, float)
         Mean and standard deviation of predicted less measured features: "contact" [s], "slope"
-        (relative), "peak", "plateau" [N]; NaN where there are none.
+        (relative), "peak", "plateau" [N]; NaN for none.
     kinds : dict of str to int
         What most of the difference is in movements that are off by more than the spread of
         repeats: "timing", "level" or "shape", each in how many, the most common first.
     least_cover : float
         Share that the band must cover: `chance_cover`, 75 % at least.
     cover_samples : float
-        Number of independent instants that the measured ones are worth; NaN where not known.
+        Number of independent instants that the measured ones are worth; NaN if not known.
     chance_cover : float
         What a right model covers less of in one campaign of twenty.
     """
@@ -343,7 +345,7 @@ class ChannelResult:
 
     @property
     def kind(self) -> str:
-        """What most of the difference is in most movements; empty where none is far off."""
+        """Most common kind of difference of movements that are off; empty if none is."""
         return next(iter(self.kinds), "")
 
     @property
@@ -361,7 +363,7 @@ class ChannelResult:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the prediction of this channel is not accepted; empty where it is."""
+        """Reasons to refuse the prediction of this channel; empty if it is accepted."""
         found = []
         kind = f", {self.kind_text}" if self.kind_text else ""
         if self.spreads > MOST_SPREADS:
@@ -375,6 +377,19 @@ class ChannelResult:
                 f"{100 * self.least_cover:.0f} %" + (kind if not found else "")
             )
         return tuple(found)
+
+    @property
+    def figures(self) -> list[str]:
+        """RMS, NRMSE, repeats, their ratio, cover and least cover, as they are shown."""
+        shown = [
+            f"{self.rms:.0f} N",
+            f"{100 * self.nrmse:.1f} %",
+            f"{self.spread:.0f} N",
+            f"{self.spreads:.1f}",
+            f"{100 * self.cover:.0f} %",
+            f"{100 * self.least_cover:.0f} %",
+        ]
+        return ["-" if text.startswith("nan") else text for text in shown]
 
     @property
     def cells(self) -> list[str]:
@@ -465,18 +480,17 @@ class Acceptance:
 
     @property
     def lines(self) -> list[str]:
-        """A table for the screen: a line a channel, then what is noticed, and furthest off."""
+        """A table for the screen with a line per channel, then errors noticed and the furthest."""
         lines = [
             f"{'channel':<10}{'movements':>10}{'RMS':>8}{'NRMSE':>8}{'repeats':>9}{'times':>7}"
             f"{'cover':>7}{'least':>7}{'contact':>12}{'slope':>12}{'peak':>14}{'plateau':>14}"
         ]
         for item in self.channels:
+            rms, nrmse, repeats, times, cover, least = item.figures
             contact, slope, peak, plateau = item.cells
             lines.append(
-                f"{item.channel:<10}{item.movements:>10}{item.rms:>6.0f} N"
-                f"{100 * item.nrmse:>6.1f} %{item.spread:>7.0f} N{item.spreads:>7.1f}"
-                f"{100 * item.cover:>5.0f} %{100 * item.least_cover:>5.0f} %"
-                f"{contact:>12}{slope:>12}{peak:>14}{plateau:>14}"
+                f"{item.channel:<10}{item.movements:>10}{rms:>8}{nrmse:>8}{repeats:>9}{times:>7}"
+                f"{cover:>7}{least:>7}{contact:>12}{slope:>12}{peak:>14}{plateau:>14}"
             )
         seen = "held back" if self.held_back else "all used for the fit"
         seen = "each predicted without its place" if self.left_out else seen
@@ -511,7 +525,7 @@ def judge(validation: xr.Dataset) -> Acceptance:
     rms, covers, cover = rules.errors(rows_of(part["predicted"]))
     results = tuple(
         _result(part.isel(channel=n), float(rms[n]), float(covers[n]), float(rules.least_cover[n]))
-        for n in np.flatnonzero(np.isfinite(rms))
+        for n in np.flatnonzero(np.isfinite(covers))
     )
     reasons = [reason for item in results for reason in item.reasons]
     if cover < LEAST_COVER and all(item.cover >= item.least_cover for item in results):
@@ -586,7 +600,8 @@ def _worst(part: xr.Dataset) -> tuple[str, ...]:
     ratio = (part["rms"] / part["repeat_spread"]).transpose("movement", "channel").values
     known = np.where(np.isfinite(ratio), ratio, -1.0)
     found = []
-    for number in np.argsort(-known.max(axis=1))[:WORST].tolist():
+    order = np.argsort(-known.max(axis=1))[:WORST]
+    for number in order[known.max(axis=1)[order] >= 0.0].tolist():
         off = part.isel(movement=number, channel=int(known[number].argmax()))
         size = float(off["size"])
         what = f"{1e3 * size:g} mm at {off['place'].item()}" if size > 0 else "no object"
@@ -631,15 +646,17 @@ def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]
 
 
 def notes(validation: xr.Dataset) -> list[str]:
-    """Say which movements are not among the predicted ones, and which onsets were moved.
+    """Say what a validation lacks, movements or what it would notice, and which onsets it moved.
 
     Examples
     --------
     >>> found = xr.Dataset({"onset_shift": ("movement", [0.0, 0.045, 0.052])})
-    >>> notes(found.assign_attrs(left_out='["a was left out: does not fit"]'))
+    >>> notes(found.assign_attrs(noticed="[]", left_out='["a was left out: does not fit"]'))
     ['a was left out: does not fit', '2 onsets without motor current: ... 52 ms after the marks']
     """
     texts = [str(text) for text in json.loads(validation.attrs.get("left_out", "[]"))]
+    if "noticed" not in validation.attrs:
+        texts.append("made by an older version: validate again to see what would be noticed")
     if validation.attrs.get("chain"):
         texts.append(str(validation.attrs["chain"]))
     moved = validation["onset_shift"].values if "onset_shift" in validation else np.zeros(0)

@@ -118,7 +118,7 @@ class SharedBins:
         return [f"drive {drive}" if drive else OBJECT for _, drive in self.keys]
 
     def measured(self, movements: Sequence[MeasuredMovement]) -> Floats:
-        """Return means over bins, shape (n_channels, n_movements, n); NaN where there are none."""
+        """Return means over bins, shape (n_channels, n_movements, n); NaN for none."""
         rows = [[signal.values[self.bins] for signal in self._signals(m)] for m in movements]
         return self._inside(movements, rows)
 
@@ -167,7 +167,7 @@ OTHER_CHAIN = (
 
 
 def found_chain(dataset: xr.Dataset, calibration: Calibration) -> Chain:
-    """Return what is known of the chain of a campaign: nothing where it is another one.
+    """Return what is known of the chain of a campaign: nothing of another one.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def _lead(shifts: Floats) -> float:
 
 
 def _shift(item: MeasuredMovement, response: Response) -> float:
-    """Return the shift that makes the free part of one movement fit best; NaN where there is none.
+    """Return the shift that makes the free part of one movement fit best; NaN for no such part.
 
     The free part ends where the model touches the object, on a clock that may be off itself.
     """
@@ -614,7 +614,7 @@ def _scatter(
 def _noticed(
     found: xr.Dataset, model: Model, calibration: Calibration, report: Report | None
 ) -> list[str]:
-    """Say which errors the verdict would notice; nothing where it refuses the model already."""
+    """Say which errors the verdict would notice; nothing of a model that it refuses."""
     if judge(found).reasons:
         return []
     chosen = judged_movements(found)

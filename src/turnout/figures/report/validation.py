@@ -87,18 +87,17 @@ def validation_findings(validation: xr.Dataset, verdict: Acceptance) -> list[Fin
     inside: Severity = "good" if verdict.cover >= LEAST_COVER else "bad"
     found.append(Finding(inside, "Inside the 95 % band", share, limit))
     for item in verdict.channels:
-        detail = (
-            f"{item.rms:.0f} N, {PERCENT * item.nrmse:.1f} % of the largest force; "
-            f"repeats spread by {item.spread:.0f} N; the limit is {MOST_SPREADS:g} spreads"
-        )
-        found.append(
-            Finding(
-                "bad" if item.spreads > MOST_SPREADS else "good",
-                f"Error of {item.channel}",
-                f"{item.spreads:.1f} repeat spreads",
-                detail,
+        error, detail = f"Error of {item.channel}", "no throw of it can be simulated"
+        if math.isnan(item.rms):
+            found.append(Finding("bad", error, "not known", detail))
+        else:
+            rms, nrmse, repeats, times, *_ = item.figures
+            detail = (
+                f"{rms}, {nrmse} of the largest force; repeats spread by {repeats}; "
+                f"the limit is {MOST_SPREADS:g} spreads"
             )
-        )
+            far: Severity = "bad" if item.spreads > MOST_SPREADS else "good"
+            found.append(Finding(far, error, f"{times} repeat spreads", detail))
         found.append(
             Finding(
                 "bad" if item.cover < item.least_cover else "good",
@@ -120,12 +119,7 @@ def validation_figures(validation: xr.Dataset, *, suffixes: Sequence[str]) -> di
 
 
 def _channels(verdict: Acceptance) -> Table:
-    rows = [
-        (item.channel, str(item.movements), f"{item.rms:.0f} N", f"{PERCENT * item.nrmse:.1f} %",
-         f"{item.spread:.0f} N", f"{item.spreads:.1f}", f"{PERCENT * item.cover:.0f} %",
-         f"{PERCENT * item.least_cover:.0f} %")
-        for item in verdict.channels
-    ]  # fmt: skip
+    rows = [(item.channel, str(item.movements), *item.figures) for item in verdict.channels]
     columns = (
         "Channel",
         "Movements",
@@ -159,6 +153,8 @@ def _heats(validation: xr.Dataset) -> list[Heat]:
     for name in closing["channel"].values:
         one = closing.sel(channel=name)
         times = (one["rms"] / one["repeat_spread"]).values
+        if not np.isfinite(times).any():
+            continue
         values = np.full((len(places), sizes.size), np.nan)
         framed = np.zeros(values.shape, dtype=bool)
         for line, column in np.ndindex(*values.shape):
