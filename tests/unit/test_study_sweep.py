@@ -21,6 +21,7 @@ from turnout.core.progress import Pace, Progress
 from turnout.core.scheme import Scheme
 from turnout.core.workers import Job, T, Workers
 from turnout.metric.features import FEATURES, features
+from turnout.panel.load import panel_from_document
 from turnout.solver.outcome import Code, Outcome
 from turnout.study.scenario import Output
 from turnout.study.study import Study
@@ -157,7 +158,13 @@ def test_another_study_is_refused_and_nothing_is_touched(
     study: Study, whole: Path, tmp_path: Path, count: int, panel: str, words: str
 ) -> None:
     before = {p: p.stat().st_mtime_ns for p in whole.rglob("*")}
-    named = study.panel.model_copy(update={"name": panel})
+    known = study.panel
+    named = panel_from_document(
+        replace(known.document, tree={**known.document.tree, "name": panel}),
+        source=known.source,
+        folder=known.folder,
+        overrides=known.overrides,
+    )
     other = replace(small_study(tmp_path, count=count), panel=named, seed=study.seed + 1)
     with pytest.raises(FileError, match=words):
         throw_study(other, whole, pool=here)
