@@ -276,7 +276,7 @@ class ProgressReporter:
         self.planned = evaluator.work + further
 
     def more(self, work: float, evaluator: Evaluator) -> None:
-        """Plan a search for causes beyond what is still planned [quick throws].
+        """Plan a search for causes beside the work still planned [quick throws].
 
         Its throws are of other kinds than those before: the pace is taken over all of it.
         """
@@ -704,7 +704,7 @@ def stage_log(
     swept: GridSearch | None,
     made: int,
 ) -> StageLog:
-    """Return what a stage did, for the record."""
+    """Return the record of a stage."""
     fitted = final if "fit" in stage.method else None
     return StageLog(
         name=stage.name,

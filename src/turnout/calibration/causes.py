@@ -439,7 +439,7 @@ def _fitted_choices(
             if not kept:
                 return
             causes = [item.cause for item in kept]
-            size = evidence(again, causes, reduce(with_cause, causes, first))
+            size = evidence(again, causes, with_choice(first, kept))
             if size < least - DECISIVE:
                 fitted.append(FittedChoice(found=again, choice=kept, evidence=size))
                 fitted.sort(key=lambda item: item.evidence)
@@ -530,7 +530,6 @@ def _fitted_with(found: Fit, first: Misfit, choice: Sequence[TestedCause]) -> Fi
     """Fit all values together with causes, from where both are."""
     values, vary = dict(found.values), list(found.parameters)
     effects, scatter = dict(found.misfit.effects), dict(found.misfit.comparison.scatter)
-    misfit = first
     for item in choice:
         cause = item.cause
         if not cause.parameters:
@@ -539,8 +538,7 @@ def _fitted_with(found: Fit, first: Misfit, choice: Sequence[TestedCause]) -> Fi
         values |= item.values
         vary += cause.parameters
         scatter |= cause.scatter
-        misfit = with_cause(misfit, cause)
-    misfit = replace(misfit, base=values)
+    misfit = replace(with_choice(first, choice), base=values)
     kept = replace(misfit.comparison, noise=found.misfit.comparison.noise, scatter=scatter)
     start = replace(
         found,

@@ -467,7 +467,7 @@ def _residuals(found: Fit, item: Parameter, value: float, numbers: Sequence[int]
 
 
 def _least_cost(residuals: Floats, slopes: Floats) -> float:
-    """Return the cost that is left when parameters take up what they can."""
+    """Return the least cost of any values of the parameters, to first order."""
     step = np.linalg.lstsq(slopes, residuals, rcond=None)[0]
     rest = residuals - slopes @ step
     return float(rest @ rest)

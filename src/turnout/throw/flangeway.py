@@ -26,6 +26,7 @@ from turnout.throw.recovery import (
     Bound,
     Motion,
     Parts,
+    added_ends,
     block_of,
     bound,
     core_blocks,
@@ -303,12 +304,10 @@ def _least_by_name(run: MovementEnds, along: Floats) -> dict[str, LeastDistance]
 def _subtract_objects(along: Floats, run: MovementEnds, force: Floats) -> None:
     """Subtract the displacements by forces at ends that objects added to the blocks of rails."""
     for end, rail in enumerate(run.rails):
-        for number, own, rows in run.known.bounds[rail]:
-            part = run.parts[number]
-            if part.added is not None:
-                on_objects = force[end, part.block.rows[-part.added.load.size :]]
-                if any(on_objects.tolist()):
-                    along[end, : len(rows)] -= (rows @ part.added.shapes[:, own].T) @ on_objects
+        for numbers, rows, shapes in added_ends(run.parts, run.known.bounds[rail]):
+            on_objects = force[end, numbers]
+            if any(on_objects.tolist()):
+                along[end, : len(rows)] -= (rows @ shapes.T) @ on_objects
 
 
 def _known_rails(panel: Panel, motion: Motion, of: Sequence[EndDistance]) -> _KnownRails | None:

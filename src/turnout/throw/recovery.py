@@ -11,7 +11,7 @@ matrix then gives its nodes. Where displacements that the run has stored say the
 used instead (`turnout.throw.stored_displacements`), which is ten times as fast.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -233,12 +233,22 @@ def object_shapes(motion: CondensedShapes, bounds: Sequence[Bound]) -> Floats:
     """
     condensed, first = motion.condensed, motion.rows.shape[0]
     found = np.zeros((bounds[0][2].shape[0], condensed.row_stiffness.size - first))
-    for number, own, rows in bounds if found.size else ():
-        part = condensed.parts[number]
-        if part.added is not None:
-            shapes = part.added.shapes[:, own]
-            found[:, part.block.rows[-len(shapes) :] - first] += rows @ shapes.T
+    for numbers, rows, shapes in added_ends(condensed.parts, bounds if found.size else ()):
+        found[:, numbers - first] += rows @ shapes.T
     return found
+
+
+def added_ends(
+    parts: Sequence[BlockModel], bounds: Sequence[Bound]
+) -> Iterator[tuple[NDArray[np.int64], Floats, Floats]]:
+    """Yield the ends that objects added to the blocks of some rows.
+
+    Numbers of the rows of objects, the given rows, and static shapes in the coordinates of these.
+    """
+    for number, own, rows in bounds:
+        part = parts[number]
+        if part.added is not None:
+            yield part.block.rows[-part.added.load.size :], rows, part.added.shapes[:, own]
 
 
 def _stored_share(

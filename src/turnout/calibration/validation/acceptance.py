@@ -1,4 +1,4 @@
-"""Verdict on a calibrated model by movements that it was not fitted to, and what it would notice.
+"""Verdict on a calibrated model by movements that it was not fitted to, and its power.
 
 A verdict notices errors from a least one on. The prediction is moved as the error would move it,
 and judged by the same rules on the same measurement: the error of each channel beside its repeats,
@@ -162,7 +162,7 @@ WIDER = 1.15
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PossibleError:
-    """Something that may be wrong, and what it changes.
+    """Possible error of a model, with the change that it makes.
 
     Attributes
     ----------
@@ -186,11 +186,11 @@ class PossibleError:
 
     @property
     def by_throws(self) -> bool:
-        """True if a throw shows what it changes beyond first order."""
+        """True if its change beyond first order is found by throws."""
         return self.unit != "s" and not self.unchecked
 
     def text(self, amount: float) -> str:
-        """Return an amount in words, rounded up: what is less than stated need not be noticed.
+        """Return an amount in words, rounded up: less than stated need not be noticed.
 
         Examples
         --------
@@ -646,7 +646,7 @@ def page_text(validation: xr.Dataset, verdict: Acceptance, *, figures: list[str]
 
 
 def notes(validation: xr.Dataset) -> list[str]:
-    """Say what a validation lacks, movements or what it would notice, and which onsets it moved.
+    """List movements and statements that a validation lacks, and the onsets that it moved.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 r"""Predict every movement of a campaign, with the band in which the measurement should lie.
 
 Measured and simulated movements stand on common channels and times; gains, zeros and clock are
-those that the calibration found. Onsets that no motor current marked are found anew: forces begin
+those that the calibration found. Onsets that no motor current marked are found again: forces begin
 to grow with the cube of time, so that they give the onset to some tens of milliseconds only, and
 rather too early in all movements alike. The part of a movement before it touches an object gives it
 better.
